@@ -1,0 +1,54 @@
+# make run · make test · make bench · make lint: each sets up what it needs in .venv, and again, fast, the second time.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+CARGO ?= cargo
+MODEL ?= boat
+RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs)
+
+.PHONY: run test bench lint format setup clean lock
+.DELETE_ON_ERROR:
+
+run: setup
+	$(BIN)/oarlock run $(MODEL) --out build/results/$(MODEL)
+	$(BIN)/oarlock report build/results/$(MODEL) --to reports/$(MODEL)
+
+test: setup
+	$(CARGO) test --locked --release --quiet -p oarlock-core
+	$(BIN)/python -m pytest
+
+bench: setup
+	$(CARGO) bench --locked --quiet -p oarlock-core
+
+lint: setup
+	$(CARGO) fmt --check
+	$(CARGO) clippy --locked --workspace --all-targets -- -D warnings
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+format: setup
+	$(CARGO) fmt
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+setup: $(VENV)/.built
+
+$(VENV)/.dependencies: requirements.lock
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "oarlock needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; try make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@touch $@
+
+$(VENV)/.built: $(VENV)/.dependencies Cargo.toml Cargo.lock pyproject.toml $(RUST_SOURCES)
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/python -m pip install --quiet --disable-pip-version-check \
+		--no-build-isolation --no-deps --editable .
+	@touch $@
+
+# Pins every Python dependency, for every platform, with hashes. Needs uv (pip install uv).
+lock:
+	uv pip compile pyproject.toml --group dev --universal --generate-hashes --python-version 3.11 \
+		--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --output-file requirements.lock
+
+clean:
+	rm -rf $(VENV) target build

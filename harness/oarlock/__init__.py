@@ -1,0 +1,17 @@
+"""oarlock: cross-validates closed-chain MuJoCo models.
+
+``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison:
+
+    >>> import oarlock
+    >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
+    >>> results = oarlock.run("boat", mode="free", duration_s=1.0)
+    >>> results.summary, results.steps
+"""
+
+from oarlock._core import VERSION as __version__
+from oarlock._core import make_solver, solvers
+from oarlock.cases import load_case, model_names
+from oarlock.errors import InputError
+from oarlock.run import Results, run
+
+__all__ = ["InputError", "Results", "__version__", "load_case", "make_solver", "model_names", "run", "solvers"]

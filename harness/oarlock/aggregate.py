@@ -1,0 +1,114 @@
+"""From steps to a row a run, and from rows to a verdict: pure functions of the tables."""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import polars as pl
+
+from oarlock.cases import Case, Gate
+from oarlock.errors import InputError
+from oarlock.results import RunResult
+
+TIMING_FIGURES = ("solve_ns_median", "step_us_median")
+"""Figures that change from run to run on the same machine."""
+
+
+def _number(value: Any) -> float | int | None:
+    """A JSON number, or None for what does not apply or is not finite."""
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return None
+    return value
+
+
+def _maximum(steps: pl.DataFrame, column: str) -> float | None:
+    return _number(steps[column].max())
+
+
+def summarise(result: RunResult) -> dict[str, Any]:
+    """The summary row of a run. A figure that does not apply is None.
+
+    iterations_mean is over solves (RK4 makes four a step); refreshes leave out the first solve, which has to start
+    from something; energy_drift_rel is relative to the largest kinetic energy.
+    """
+    steps, key = result.steps, result.key
+    row: dict[str, Any] = {"run": key.slug, **asdict(key)}
+    solves = steps["solves"].sum() or 0
+    iterates = steps["iterations"].sum() if solves else None
+    refreshes = None
+    if steps["refreshes"].null_count() < len(steps):
+        refreshes = int(steps["refreshes"].sum()) - int((steps["refreshes"][0] or 0) > 0)
+    energy_drift = None
+    kinetic = steps["kinetic_energy"].max()
+    if kinetic:
+        energy_drift = (steps["energy"] - steps["energy"][0]).abs().max() / kinetic
+    solve_ns = (steps["solve_ns"] / steps["solves"]).median()
+    row.update(
+        status=result.status,
+        message=result.message,
+        steps_done=len(steps),
+        solves=solves,
+        unconverged=int(steps["unconverged"].sum() or 0),
+        iterations_mean=_number(iterates / solves if solves else None),
+        iterations_max=steps["iterations_worst"].max(),
+        refreshes=refreshes,
+        rank_min=steps["rank"].min(),
+        rank_max=steps["rank"].max(),
+        min_norm_error_max=_maximum(steps, "min_norm_error"),
+        min_norm_error_median=_number(steps["min_norm_error"].median()),
+        residual_rel_max=_maximum(steps, "residual_rel"),
+        inconsistency_max=_maximum(steps, "inconsistency"),
+        qacc_rel_diff_max=_maximum(steps, "qacc_rel_diff"),
+        qfrc_constraint_rel_diff_max=_maximum(steps, "qfrc_constraint_rel_diff"),
+        drift_pos_max=_maximum(steps, "drift_pos"),
+        drift_vel_max=_maximum(steps, "drift_vel"),
+        drift_acc_max=_maximum(steps, "drift_acc"),
+        energy_drift_rel=_number(energy_drift),
+        truth_error_max=_maximum(steps, "truth_error"),
+        trajectory_diff_max=_maximum(steps, "trajectory_diff"),
+        solve_ns_median=_number(solve_ns),
+        step_us_median=_number(steps["step_us"].median()),
+    )
+    return row
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A gate held against one run (or against nothing, if no run was picked)."""
+
+    gate: Gate
+    run: str | None
+    value: float | None
+    held: bool | None
+    """None: not checked, for no run was picked."""
+
+    def line(self) -> str:
+        """One line with figure and limit."""
+        bounds = [f"≥ {self.gate.min:g}" if self.gate.min is not None else "", f"≤ {self.gate.max:g}" if self.gate.max is not None else ""]
+        limit = " and ".join(bound for bound in bounds if bound)
+        value = "not measured" if self.value is None else f"{self.value:.4g}"
+        return f"{self.gate.figure} = {value} of {self.run or 'no run'}, expected {limit} ({self.gate.cause})"
+
+
+def judge(case: Case, rows: list[dict[str, Any]]) -> list[Verdict]:
+    """Holds every gate of a case against every run it picks.
+
+    Raises:
+        InputError: a gate names a figure or a key that no summary has.
+    """
+    verdicts = []
+    for gate in case.file.gates:
+        if rows:
+            unknown = [name for name in (gate.figure, *gate.where) if name not in rows[0]]
+            if unknown:
+                raise InputError(f"gate of case '{case.name}' names '{unknown[0]}', expected one of: {', '.join(rows[0])}")
+        picked = [row for row in rows if all(str(row[k]) == v for k, v in gate.where.items())]
+        if not picked:
+            verdicts.append(Verdict(gate, None, None, None))
+        for row in picked:
+            value = row[gate.figure]
+            low = value is not None and (gate.min is None or value >= gate.min)
+            high = value is not None and (gate.max is None or value <= gate.max)
+            whole = row["status"] != "diverged"  # what a run showed before it diverged proves nothing
+            verdicts.append(Verdict(gate, row["run"], value, low and high and whole))
+    return verdicts

@@ -1,0 +1,56 @@
+"""The drive: actuator controls as laws of time, written at the time of every stage of the integrator."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+
+from oarlock.cases import Case
+from oarlock.errors import InputError, choose
+
+
+class Drive:
+    """Writes the controls of a case into ``data.ctrl``."""
+
+    def __init__(self, model: mujoco.MjModel, case: Case):
+        actuators = [model.actuator(index).name for index in range(model.nu)]
+        self._laws = []
+        for name, law in case.file.drive.laws().items():
+            choose(f"actuator in [drive] of case '{case.name}'", name, actuators)
+            self._laws.append((actuators.index(name), law))
+        self._model = model
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Writes the controls at ``data.time``.
+
+        Raises:
+            InputError: a law has no finite value there.
+        """
+        time = data.time
+        for index, law in self._laws:
+            value = law.at(time)
+            if value - value != 0.0:  # NaN and infinities alike
+                raise InputError(f"{law!r} is {value} at t = {time:g} s, expected a finite control")
+            data.ctrl[index] = value
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """While it holds, MuJoCo's own integrators ask this drive at every stage.
+
+        The hook is global to the process, and MuJoCo also calls it while it compiles another model: it answers for
+        this drive's model only.
+        """
+        if not self._laws:
+            yield
+            return
+        address = self._model._address
+
+        def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            if model._address == address:
+                self.apply(data)
+
+        mujoco.set_mjcb_control(control)
+        try:
+            yield
+        finally:
+            mujoco.set_mjcb_control(None)

@@ -1,0 +1,346 @@
+"""The experiments: calibration, lockstep, one-step, free run. Each turns a task into finished runs.
+
+Rows are written at the start of every step, where state, question and answer belong together.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from oarlock._core import InputError as CoreInputError
+from oarlock.cases import Case, Form, Integrator, Mode
+from oarlock.drive import Drive
+from oarlock.errors import InputError, choose, one_line
+from oarlock.mechanism import load_mechanism
+from oarlock.metrics import Energy, against_mujoco, drift, largest, solving
+from oarlock.results import Recorder, RunKey, RunResult
+from oarlock.solvers import MUJOCO, REFERENCE, Answer, Question, SolvedForce, SolverSpec
+from oarlock.start import ConsistentStart, consistent_start
+from oarlock.state import State
+from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker
+from oarlock.truth import load_truth
+
+Tick = Callable[[int], None]
+"""Called with the number of steps just done."""
+
+Finish = Callable[[float], None]
+"""Called with the time in µs that the step took, once it is taken: writes the rows that were begun before it."""
+
+_TICK_STEPS = 200
+STEPPING = "python"
+
+
+@dataclass(frozen=True)
+class Task:
+    """Every form × solver it names, answered along one walk (in a free run each walks alone)."""
+
+    mode: Mode
+    walker: SolverSpec
+    forms: tuple[Form, ...]
+    solvers: tuple[SolverSpec, ...]
+    integrator: Integrator
+    settings: str
+
+
+class Setup:
+    """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them."""
+
+    def __init__(self, case: Case, integrator: Integrator, settings: str, timestep_s: float | None, duration_s: float):
+        self.case = case
+        self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
+        self.drive = Drive(self.model, case)
+        self.start: ConsistentStart = consistent_start(self.model, case)
+        self.timestep_s = float(self.model.opt.timestep)
+        self.steps = max(1, round(duration_s / self.timestep_s))
+        self._true_path: np.ndarray | None = None
+        truth = load_truth(case)
+        if truth is not None:
+            joints = [self.model.joint(index).name for index in range(self.model.njnt)]
+            joint = joints.index(choose(f"joint in [truth] of case '{case.name}'", truth.joint, joints))
+            self._true_address = int(self.model.jnt_qposadr[joint])
+            self._true_path = truth.position(np.arange(self.steps) * self.timestep_s)
+
+    def data(self) -> mujoco.MjData:
+        """A fresh data at the start."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:], data.qvel[:] = self.start.qpos, self.start.qvel
+        return data
+
+    def truth_error(self, step: int, data: mujoco.MjData) -> float | None:
+        """Distance of the joint that the truth knows from where it should be at the start of a step."""
+        if self._true_path is None or not np.isfinite(self._true_path[step]):
+            return None
+        return abs(float(data.qpos[self._true_address] - self._true_path[step]))
+
+    def apart(self, qpos1: np.ndarray, qpos2: np.ndarray) -> float | None:
+        """Largest difference of two positions in any coordinate (rad or m); None if one of them is not finite."""
+        apart = np.zeros(self.model.nv)
+        mujoco.mj_differentiatePos(self.model, apart, 1.0, qpos1, qpos2)
+        difference = largest(apart)
+        return difference if np.isfinite(difference) else None
+
+
+class Laboratory:
+    """Runs the tasks of one case."""
+
+    def __init__(self, case: Case, timestep_s: float | None, duration_s: float, tick: Tick):
+        self.case = case
+        self._timestep_s, self._duration_s = timestep_s, duration_s
+        self._tick = tick
+        self._trajectories: dict[int, np.ndarray] = {}
+
+    def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
+        """The case, prepared."""
+        return Setup(self.case, integrator, settings, self._timestep_s, self._duration_s)
+
+    def run(self, task: Task) -> Iterator[RunResult]:
+        """The runs of a task, each as soon as it is finished.
+
+        Raises:
+            InputError: the model or the task cannot be run as asked.
+        """
+        experiment = {
+            "calibration": self._calibration,
+            "lockstep": self._lockstep,
+            "one-step": self._one_step,
+            "free": self._free,
+        }[task.mode]
+        yield from experiment(task, self.setup(task.integrator, task.settings))
+
+    # The four experiments.
+
+    def _calibration(self, task: Task, setup: Setup) -> Iterator[RunResult]:
+        """MuJoCo's own force through our stepping, against MuJoCo: the trajectory difference must be rounding."""
+        theirs = self._mujoco_trajectory(setup)
+        data = setup.data()
+        walker = ForcedWalker(setup.model, data, setup.drive, MujocoForce(setup.model))
+        recorder = Recorder()
+
+        def record(step: int) -> Finish:
+            figures = {
+                "step": step,
+                "time_s": data.time,
+                "status": "converged",
+                "drift_pos": largest(data.efc_pos),
+                "drift_vel": largest(data.efc_vel),
+                "trajectory_diff": setup.apart(theirs[step], data.qpos),
+                "truth_error": setup.truth_error(step, data),
+                "qpos": data.qpos.copy(),
+            }
+            return lambda step_us: recorder.append(**figures, step_us=step_us)
+
+        message = self._walk(setup, walker, record)
+        yield self._result(task, setup, MUJOCO, None, recorder, message)
+
+    def _lockstep(self, task: Task, setup: Setup) -> Iterator[RunResult]:
+        """One engine walks; at each of its states every solver answers the same question, and MuJoCo its own."""
+        data = setup.data()
+        state = State(setup.model, data, self.case.file.baumgarte)
+        if task.walker.name == MUJOCO:
+            walker: Walker = MujocoWalker(setup.model, data)
+        else:
+            force = SolvedForce(state, "hard", self._make(task.walker))
+            walker = ForcedWalker(setup.model, data, setup.drive, force)
+        questions = [(Question(state, form), self._make(SolverSpec(REFERENCE))) for form in task.forms]
+        solvers = {(form, spec): self._make(spec) for form in task.forms for spec in task.solvers}
+        recorders = {key: Recorder() for key in solvers}
+
+        def record(step: int) -> Finish:
+            state.read()
+            qacc, qfrc = walker.mujoco_answer()
+            rows = []
+            for question, reference_solver in questions:
+                question.ask()
+                reference = question.answer(reference_solver)
+                for spec in task.solvers:
+                    answer = question.answer(solvers[question.form, spec])
+                    figures = {
+                        **self._common(setup, step, data, state, answer.qacc),
+                        **solving([answer], reference),
+                        **against_mujoco(answer, qacc, qfrc),
+                        "multipliers": answer.multipliers,
+                    }
+                    rows.append((recorders[question.form, spec], figures))
+
+            def finish(step_us: float) -> None:
+                for recorder, figures in rows:
+                    recorder.append(**figures, step_us=step_us)
+
+            return finish
+
+        message = self._walk(setup, walker, record)
+        for (form, spec), recorder in recorders.items():
+            yield self._result(task, setup, str(spec), form, recorder, message)
+
+    def _one_step(self, task: Task, setup: Setup) -> Iterator[RunResult]:
+        """From each of MuJoCo's states, one step each: what a single step adds to the difference."""
+        data, ours = setup.data(), setup.data()
+        state = State(setup.model, ours, self.case.file.baumgarte)
+        recorders = {(form, spec): Recorder() for form in task.forms for spec in task.solvers}
+        forces = {(form, spec): SolvedForce(state, form, self._make(spec)) for form, spec in recorders}
+        walkers = {key: ForcedWalker(setup.model, ours, setup.drive, force) for key, force in forces.items()}
+
+        def record(step: int) -> Finish:
+            rows = []
+            for key, walker in walkers.items():
+                ours.qpos[:], ours.qvel[:], ours.act[:] = data.qpos, data.qvel, data.act
+                ours.time = data.time
+                walker.look()
+                figures = self._common(setup, step, ours, state, ours.qacc)
+                figures["multipliers"] = forces[key].answers[0].multipliers
+                walker.step()
+                figures.update(solving(forces[key].answers, None))
+                forces[key].answers.clear()
+                rows.append((recorders[key], figures, ours.qpos.copy()))
+
+            def finish(step_us: float) -> None:
+                for recorder, figures, qpos in rows:
+                    recorder.append(**figures, trajectory_diff=setup.apart(data.qpos, qpos), step_us=step_us)
+
+            return finish
+
+        message = self._walk(setup, MujocoWalker(setup.model, data), record)
+        for (form, spec), recorder in recorders.items():
+            yield self._result(task, setup, str(spec), form, recorder, message)
+
+    def _free(self, task: Task, setup: Setup) -> Iterator[RunResult]:
+        """One engine walks alone, against MuJoCo as configured and against the truth."""
+        for spec in task.solvers:
+            if spec.name == MUJOCO:
+                yield self._free_mujoco(task, setup)
+                continue
+            for form in task.forms:
+                yield self._free_solved(task, setup, form, spec)
+
+    def _free_mujoco(self, task: Task, setup: Setup) -> RunResult:
+        data = setup.data()
+        state = State(setup.model, data, self.case.file.baumgarte)
+        walker = MujocoWalker(setup.model, data)
+        energy = Energy(setup.model)
+        recorder = Recorder()
+
+        def record(step: int) -> Finish:
+            state.read()
+            iterations = walker.iterations
+            figures = {
+                **self._common(setup, step, data, state, data.qacc),
+                "status": "converged",
+                "solves": 1,
+                "unconverged": 0,
+                "iterations": iterations,
+                "iterations_worst": iterations,
+                **energy.of(data),
+                "multipliers": data.efc_force.copy(),
+            }
+            return lambda step_us: recorder.append(**figures, step_us=step_us)
+
+        message = self._walk(setup, walker, record)
+        return self._result(task, setup, MUJOCO, None, recorder, message)
+
+    def _free_solved(self, task: Task, setup: Setup, form: Form, spec: SolverSpec) -> RunResult:
+        theirs = self._mujoco_trajectory(setup)
+        data = setup.data()
+        state = State(setup.model, data, self.case.file.baumgarte)
+        force = SolvedForce(state, form, self._make(spec))
+        walker = ForcedWalker(setup.model, data, setup.drive, force)
+        reference_solver = self._make(SolverSpec(REFERENCE))
+        energy = Energy(setup.model)
+        recorder = Recorder()
+
+        def record(step: int) -> Finish:
+            figures = {
+                **self._common(setup, step, data, state, data.qacc),
+                "trajectory_diff": setup.apart(theirs[step], data.qpos),
+                **energy.of(data),
+                "multipliers": force.answers[0].multipliers,
+            }
+            reference = force.question.answer(reference_solver)
+
+            def finish(step_us: float) -> None:
+                recorder.append(**figures, **solving(force.answers, reference), step_us=step_us)
+                force.answers.clear()
+
+            return finish
+
+        message = self._walk(setup, walker, record)
+        return self._result(task, setup, str(spec), form, recorder, message)
+
+    # What they share.
+
+    def _make(self, spec: SolverSpec):
+        return spec.with_defaults(rank_cut=self.case.file.rank_cut).make()
+
+    def _walk(self, setup: Setup, walker: Walker, record: Callable[[int], Finish]) -> str:
+        """Walks all steps, recording each as it is taken; gives what ended the run early, or nothing."""
+        data = walker.data
+        ticks = 0
+        with setup.drive.installed():
+            for step in range(setup.steps):
+                try:
+                    began = time.perf_counter()
+                    walker.look()
+                    looked = time.perf_counter()
+                    finish = record(step)
+                    recorded = time.perf_counter()
+                    walker.step()
+                    finish(1e6 * (time.perf_counter() - recorded + looked - began))
+                except InputError:
+                    raise  # ours: the model cannot be run like this
+                except CoreInputError as error:
+                    if step == 0:
+                        raise
+                    return f"step {step}, t = {data.time:.6g} s: {one_line(error)}"
+                if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+                    return f"step {step}, t = {data.time:.6g} s: the state is no longer finite"
+                ticks += 1
+                if ticks == _TICK_STEPS:
+                    self._tick(ticks)
+                    ticks = 0
+        self._tick(ticks)
+        return ""
+
+    def _mujoco_trajectory(self, setup: Setup) -> np.ndarray:
+        """MuJoCo's own free run, (steps, nq); NaN where it did not get to."""
+        key = int(setup.model.opt.integrator)
+        if key not in self._trajectories:
+            path = np.full((setup.steps, setup.model.nq), np.nan)
+            data = setup.data()
+
+            def record(step: int) -> Finish:
+                path[step] = data.qpos
+                return lambda _step_us: None
+
+            self._walk(setup, MujocoWalker(setup.model, data), record)
+            self._trajectories[key] = path
+        return self._trajectories[key]
+
+    def _common(self, setup: Setup, step: int, data: mujoco.MjData, state: State, qacc: np.ndarray) -> dict:
+        return {
+            "step": step,
+            "time_s": data.time,
+            **drift(state, qacc),
+            "truth_error": setup.truth_error(step, data),
+            "qpos": data.qpos.copy(),
+            "residual": state.residual.copy(),
+        }
+
+    def _result(self, task: Task, setup: Setup, solver: str, form, recorder: Recorder, message: str) -> RunResult:
+        key = RunKey(
+            case=self.case.name,
+            mode=task.mode,
+            walker=solver if task.mode == "free" else str(task.walker),
+            solver=solver,
+            form=form,
+            integrator=task.integrator,
+            settings=task.settings,
+            stepping="mujoco" if (task.mode, solver) == ("free", MUJOCO) else STEPPING,
+            timestep_s=setup.timestep_s,
+            steps=setup.steps,
+        )
+        steps = recorder.frame()
+        unconverged = steps["unconverged"].sum() or 0
+        status = "diverged" if message else "unconverged" if unconverged else "done"
+        return RunResult(key, status, message, steps)

@@ -1,0 +1,171 @@
+"""Tables on disk: a Parquet file a run, and the summary with a row a run. Finished runs are never lost.
+
+Every file is written under a temporary name and moved, so that an interruption leaves whole files only.
+"""
+
+import json
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from oarlock.errors import InputError
+
+SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
+    "step": pl.Int64,
+    "time_s": pl.Float64,
+    "status": pl.String,
+    "solves": pl.Int64,
+    "unconverged": pl.Int64,
+    "iterations": pl.Int64,
+    "iterations_worst": pl.Int64,
+    "products": pl.Int64,
+    "refreshes": pl.Int64,
+    "residual_rel": pl.Float64,
+    "solve_ns": pl.Int64,
+    "rank": pl.Int64,
+    "inconsistency": pl.Float64,
+    "min_norm_error": pl.Float64,
+    "qacc_rel_diff": pl.Float64,
+    "qfrc_constraint_rel_diff": pl.Float64,
+    "drift_pos": pl.Float64,
+    "drift_vel": pl.Float64,
+    "drift_acc": pl.Float64,
+    "energy": pl.Float64,
+    "kinetic_energy": pl.Float64,
+    "trajectory_diff": pl.Float64,
+    "truth_error": pl.Float64,
+    "step_us": pl.Float64,
+    "qpos": pl.List(pl.Float64),
+    "residual": pl.List(pl.Float64),
+    "multipliers": pl.List(pl.Float64),
+}
+"""Columns of a steps table; a figure that does not apply is null."""
+
+
+@dataclass(frozen=True)
+class RunKey:
+    """Which run it is."""
+
+    case: str
+    mode: str
+    walker: str
+    solver: str
+    form: str | None
+    integrator: str
+    settings: str
+    stepping: str
+    timestep_s: float
+    steps: int
+
+    @property
+    def slug(self) -> str:
+        """A file name that tells the runs of a folder apart."""
+        parts = [self.mode, self.form, f"along-{self.walker}" if self.mode == "lockstep" else None, self.solver]
+        parts += [None if self.settings == "default" else self.settings, self.integrator]
+        text = "-".join(part for part in parts if part)
+        return re.sub(r"[^A-Za-z0-9.+-]+", "_", text)
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """A finished run: its key, how it ended (``done``, ``unconverged``, ``diverged``), and its steps."""
+
+    key: RunKey
+    status: str
+    message: str
+    steps: pl.DataFrame
+
+    def table(self) -> pl.DataFrame:
+        """The steps with the key in front of every row."""
+        key = [pl.lit(value, dtype=pl.String if value is None else None).alias(name) for name, value in asdict(self.key).items()]
+        names = [name for name in SCHEMA if name not in asdict(self.key)]
+        return self.steps.select(pl.col("step"), *key, *(pl.col(name) for name in names if name != "step"))
+
+
+class Recorder:
+    """Collects the rows of one run."""
+
+    def __init__(self) -> None:
+        self._columns: dict[str, list[Any]] = {name: [] for name in SCHEMA}
+
+    def append(self, **figures: Any) -> None:
+        """One step; what is not given is null."""
+        for name, column in self._columns.items():
+            column.append(figures.get(name))
+
+    def __len__(self) -> int:
+        return len(self._columns["step"])
+
+    def frame(self) -> pl.DataFrame:
+        """The rows as a table."""
+        return pl.DataFrame(self._columns, schema=SCHEMA, strict=False)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Gives a temporary path beside ``path`` and moves it there when the block ends well.
+
+    Raises:
+        InputError: the file cannot be written (full disk, no permission).
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"cannot write '{path}': {error.strerror or error}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Writes a text file whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+class ResultFolder:
+    """A folder of results: ``steps/*.parquet``, ``summary.json``, ``case.json``, ``sketch.json``."""
+
+    def __init__(self, path: Path):
+        self.path = path
+
+    def write_steps(self, result: RunResult) -> None:
+        """Keeps the steps of a finished run."""
+        with replacing(self.path / "steps" / f"{result.key.slug}.parquet") as temporary:
+            result.table().write_parquet(temporary, compression="zstd")
+
+    def forget_steps_but(self, slugs: list[str]) -> None:
+        """Removes the steps of runs that an earlier summary of this folder had and this one has not."""
+        for path in (self.path / "steps").glob("*.parquet"):
+            if path.stem not in slugs:
+                path.unlink()
+
+    def read_steps(self, slug: str) -> pl.DataFrame:
+        """The steps of a run."""
+        return pl.read_parquet(self.path / "steps" / f"{slug}.parquet")
+
+    def write_json(self, name: str, content: dict[str, Any]) -> None:
+        """Keeps a JSON document."""
+        write_text(self.path / name, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+    def read_json(self, name: str) -> dict[str, Any]:
+        """Reads a JSON document.
+
+        Raises:
+            InputError: it is not there or not whole.
+        """
+        path = self.path / name
+        try:
+            return json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            raise InputError(f"no '{path}', expected a folder that 'oarlock run --out' wrote") from None
+        except (OSError, ValueError) as error:
+            raise InputError(f"'{path}' cannot be read: {error}") from None

@@ -1,0 +1,266 @@
+"""From a case to tables: plans the runs, carries them out, keeps each as soon as it is finished, judges the gates."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import polars as pl
+
+from oarlock import _core
+from oarlock.aggregate import Verdict, judge, summarise
+from oarlock.cases import Case, Experiment, Form, Gate, Integrator, Mode, load_case
+from oarlock.errors import InputError, choose
+from oarlock.experiments import Laboratory, Setup, Task
+from oarlock.mechanism import equalities
+from oarlock.provenance import inputs, occasion
+from oarlock.results import ResultFolder, RunResult
+from oarlock.sketch import sketch
+from oarlock.solvers import MUJOCO, SolverSpec
+
+FORMS: dict[str, list[Form]] = {"matched": ["matched"], "hard": ["hard"], "both": ["matched", "hard"]}
+MODES: dict[str, list[Mode]] = {
+    "lockstep": ["lockstep"],
+    "one-step": ["one-step"],
+    "free": ["free"],
+    "all": ["lockstep", "one-step", "free"],
+}
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a user asks for; what is left open comes from the case."""
+
+    solvers: Sequence[str] = ()
+    form: str | None = None
+    mode: str | None = None
+    walker: str | None = None
+    integrator: str | None = None
+    timestep_s: float | None = None
+    duration_s: float | None = None
+    rtol: float | None = None
+
+    @property
+    def whole_case(self) -> bool:
+        """Whether the case's own experiments are asked for."""
+        return not (self.solvers or self.form or self.mode or self.walker or self.integrator)
+
+
+@dataclass
+class Results:
+    """What a run gave.
+
+    Attributes:
+        summary: a row a run (polars).
+        steps: a row a run and step (polars).
+        rows: the summary as plain dictionaries.
+        frames: the steps, a table a run.
+        verdicts: what the case expects and its gates, held against the model and the runs.
+        provenance: versions, platform, commit, date.
+    """
+
+    case: Case
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    verdicts: list[Verdict] = field(default_factory=list)
+    provenance: dict[str, Any] = field(default_factory=dict)
+    frames: list[pl.DataFrame] = field(default_factory=list)
+
+    @property
+    def summary(self) -> pl.DataFrame:
+        """A row a run."""
+        return pl.DataFrame(self.rows, infer_schema_length=None)
+
+    @property
+    def steps(self) -> pl.DataFrame:
+        """A row a run and step."""
+        return pl.concat(self.frames) if self.frames else pl.DataFrame()
+
+    @property
+    def failures(self) -> list[Verdict]:
+        """Gates that did not hold."""
+        return [verdict for verdict in self.verdicts if verdict.held is False]
+
+    def document(self) -> dict[str, Any]:
+        """The summary JSON of the contract."""
+        return {
+            "provenance": self.provenance,
+            "runs": self.rows,
+            "gates": [
+                {**verdict.gate.model_dump(), "run": verdict.run, "value": verdict.value, "held": verdict.held}
+                for verdict in self.verdicts
+            ],
+        }
+
+
+def plan(case: Case, request: Request) -> list[Task]:
+    """The tasks of a request, the calibration of every integrator in use first.
+
+    Raises:
+        InputError: an unknown solver, option, form, mode, walker or integrator.
+    """
+    valid = get_args(Integrator)
+    if request.whole_case:
+        experiments = case.file.experiments
+    else:
+        modes = MODES[choose("mode", request.mode or "all", list(MODES))]
+        forms = FORMS[choose("form", request.form or "both", list(FORMS))]
+        if request.integrator:
+            choose("integrator", request.integrator, valid)
+        experiments = [
+            Experiment.model_validate(
+                {
+                    "mode": mode,
+                    "walker": request.walker or MUJOCO,
+                    "forms": forms,
+                    "solvers": list(request.solvers) or ["pinv", "sr1"],
+                    "integrators": [request.integrator] if request.integrator else None,
+                }
+            )
+            for mode in ("calibration", *modes)
+        ]
+    if request.rtol is not None:
+        asked = [SolverSpec.parse(text) for experiment in experiments for text in experiment.solvers]
+        if not any("rtol" in _core.solvers()[spec.name][1] for spec in asked if spec.name != MUJOCO):
+            raise InputError(f"rtol = {request.rtol:g}: none of the solvers asked for has it (sr1 takes eps_abs)")
+    tasks = []
+    for experiment in experiments:
+        solvers = [SolverSpec.parse(text).with_defaults(rtol=request.rtol) for text in experiment.solvers]
+        if experiment.mode in ("lockstep", "one-step"):
+            solvers = [spec for spec in solvers if spec.name != MUJOCO]
+            if not solvers:
+                raise InputError(f"mode {experiment.mode} compares solvers with MuJoCo: name one besides mujoco")
+        for integrator in experiment.integrators or [case.file.run.integrator]:
+            for settings in experiment.settings:
+                case.file.setting(settings)
+                walker = SolverSpec.parse(experiment.walker).with_defaults(rtol=request.rtol)
+                forms = tuple(experiment.forms)
+                tasks.append(Task(experiment.mode, walker, forms, tuple(solvers), integrator, settings))
+    return tasks
+
+
+def _walks(task: Task) -> int:
+    """Number of walks of a task, for the progress bar; MuJoCo's own trajectory counts where it is needed."""
+    if task.mode == "free":
+        return sum(1 if spec.name == MUJOCO else len(task.forms) for spec in task.solvers)
+    return 1
+
+
+class Progress:
+    """Listens to a run. The base class keeps silent."""
+
+    def begin(self, steps: int) -> None:
+        """The number of steps ahead is known."""
+
+    def advance(self, steps: int) -> None:
+        """Steps were done."""
+
+    def finished(self, row: dict[str, Any]) -> None:
+        """A run was finished and kept."""
+
+
+def run(
+    model: str | Path,
+    *,
+    solver: Sequence[str] | str = (),
+    form: str | None = None,
+    mode: str | None = None,
+    walker: str | None = None,
+    integrator: str | None = None,
+    timestep_s: float | None = None,
+    duration_s: float | None = None,
+    rtol: float | None = None,
+    out: Path | None = None,
+    progress: Progress | None = None,
+) -> Results:
+    """Cross-validates a model against MuJoCo.
+
+    Args:
+        model: name of a model, folder of a case, or path of an MJCF file.
+        solver: solver specifications, such as ``"sr1:eps_abs=1e-7"``; the case's if empty.
+        form: ``matched`` (MuJoCo's own softness), ``hard`` (exact constraints) or ``both``.
+        mode: ``lockstep``, ``one-step``, ``free`` or ``all``.
+        walker: who walks in lockstep: ``mujoco`` or a solver, which then walks in the hard form.
+        integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``.
+        timestep_s: timestep in s.
+        duration_s: duration in s.
+        rtol: relative tolerance of the solvers that have one.
+        out: folder that keeps the tables; every run is written as soon as it is finished.
+        progress: listens.
+
+    Raises:
+        InputError: bad input; finished runs are kept.
+    """
+    case = load_case(model)
+    for name, value in (("timestep", timestep_s), ("duration", duration_s)):
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
+    solvers = (solver,) if isinstance(solver, str) else tuple(solver)
+    request = Request(solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol)
+    tasks = plan(case, request)
+    progress = progress or Progress()
+    laboratory = Laboratory(case, timestep_s, duration_s or case.file.run.duration_s, progress.advance)
+    setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)
+    progress.begin(setup.steps * sum(_walks(task) for task in tasks))
+
+    results = Results(case, provenance={**inputs(case), **occasion()})
+    results.verdicts += _expectations(case, setup)
+    keeper = _Keeper(results, setup, ResultFolder(out) if out else None)
+    for task in tasks:
+        for result in laboratory.run(task):
+            keeper.keep(result)
+            progress.finished(results.rows[-1])
+    results.verdicts += judge(case, results.rows)
+    keeper.close()
+    return results
+
+
+def _expectations(case: Case, setup: Setup) -> list[Verdict]:
+    """What the case expects of its model, held against the consistent start."""
+    start = setup.start
+    found = {"nv": int(setup.model.nv), "rows": start.rows, "rank": start.rank, "dof": start.dof}
+    verdicts = []
+    for name, expected in case.file.expect.model_dump(exclude_none=True).items():
+        gate = Gate(figure=name, min=expected, max=expected, cause="[expect] of the case")
+        verdicts.append(Verdict(gate, "start", found[name], found[name] == expected))
+    return verdicts
+
+
+class _Keeper:
+    """Keeps every run as soon as it is finished: in memory, and in a folder if there is one."""
+
+    def __init__(self, results: Results, setup: Setup, folder: ResultFolder | None):
+        self._results, self._setup, self._folder = results, setup, folder
+        self._sketched = False
+        if folder:
+            start = setup.start
+            model = {
+                "nq": int(setup.model.nq),
+                "nv": int(setup.model.nv),
+                "rows": start.rows,
+                "rank": start.rank,
+                "dof": start.dof,
+                "closing_moved": start.moved,
+                "joints": [setup.model.joint(index).name for index in range(setup.model.njnt)],
+                "equalities": [asdict(equality) for equality in equalities(setup.model)],
+            }
+            case = results.case
+            folder.write_json("case.json", {"name": case.name, "model": model, **case.file.model_dump()})
+
+    def keep(self, result: RunResult) -> None:
+        results, folder = self._results, self._folder
+        results.rows.append(summarise(result))
+        results.frames.append(result.table())
+        if not folder:
+            return
+        folder.write_steps(result)
+        folder.write_json("summary.json", results.document())
+        if not self._sketched and len(result.steps):
+            path = np.array(result.steps["qpos"].to_list())
+            folder.write_json("sketch.json", sketch(self._setup.model, self._setup.start.qpos, path))
+            self._sketched = True
+
+    def close(self) -> None:
+        if self._folder:
+            self._folder.write_json("summary.json", self._results.document())
+            self._folder.forget_steps_but([row["run"] for row in self._results.rows])

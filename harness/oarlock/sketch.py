@@ -1,0 +1,86 @@
+"""The mechanism as points and lines, from its kinematics: what a drawing needs, without the model."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from oarlock.mechanism import element_name, equalities
+
+TRACE_POINTS = 240
+
+
+def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[str, Any]:
+    """Bodies at the start, the anchors of the equalities there, and the anchors' traces along a path (steps, nq).
+
+    A body is drawn as a star: from its first joint to its other joints, its children's joints, the anchors on it and
+    its centre of mass. Points are world coordinates in m.
+    """
+    data = mujoco.MjData(model)
+
+    def place(qpos: np.ndarray) -> None:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+
+    place(start)
+    bodies = []
+    for body in range(1, model.nbody):
+        own = _joint_anchors(model, data, body)
+        points = own[1:]
+        for child in range(body + 1, model.nbody):
+            if model.body_parentid[child] == body:
+                points += _joint_anchors(model, data, child)[:1]
+        points += [point for anchor_body, point in _equality_anchors(model, data) if anchor_body == body]
+        points.append(data.xipos[body].copy())
+        hub = own[0] if own else data.xpos[body].copy()
+        bodies.append(
+            {
+                "name": element_name(model, mujoco.mjtObj.mjOBJ_BODY, body),
+                "grounded": bool(own) and int(model.body_parentid[body]) == 0,
+                "hub": hub.tolist(),
+                "points": [point.tolist() for point in points if np.linalg.norm(point - hub) > 1e-9],
+            }
+        )
+    anchors = [point.tolist() for _, point in _equality_anchors(model, data)]
+    traces: list[list[list[float]]] = [[] for _ in anchors]
+    finite = path[np.isfinite(path).all(axis=1)]
+    for index in np.linspace(0, len(finite) - 1, min(TRACE_POINTS, len(finite))).astype(int):
+        place(finite[index])
+        for trace, (_, point) in zip(traces, _equality_anchors(model, data), strict=True):
+            trace.append(point.tolist())
+    return {
+        "equalities": [equality.name for equality in equalities(model)],
+        "bodies": bodies,
+        "anchors": anchors,
+        "traces": traces,
+    }
+
+
+def _joint_anchors(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[np.ndarray]:
+    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    anchors: list[np.ndarray] = []
+    for joint in range(first, first + count):
+        anchor = data.xanchor[joint].copy()
+        if not any(np.allclose(anchor, known) for known in anchors):
+            anchors.append(anchor)
+    return anchors
+
+
+def _equality_anchors(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[int, np.ndarray]]:
+    """(body, world point) of both ends of every connect and weld."""
+    found = []
+    for equality in equalities(model):
+        if equality.kind not in ("connect", "weld"):
+            continue
+        objects = (model.eq_obj1id[equality.index], model.eq_obj2id[equality.index])
+        for end, (body, obj) in enumerate(zip(equality.bodies, objects, strict=True)):
+            if model.eq_objtype[equality.index] == mujoco.mjtObj.mjOBJ_SITE:
+                point = data.site_xpos[obj].copy()
+            else:
+                # A weld keeps its anchor on the second body in the first three numbers.
+                start = 3 * end if equality.kind == "connect" else 0
+                local = model.eq_data[equality.index, start : start + 3]
+                point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
+            found.append((body, point))
+    return found

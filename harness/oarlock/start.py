@@ -1,0 +1,144 @@
+"""A consistent start: positions on the constraint manifold, velocities along it."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from oarlock._core import ConstrainedSystem, make_solver
+from oarlock.cases import Case
+from oarlock.drive import Drive
+from oarlock.errors import InputError, choose
+from oarlock.mechanism import element_name, equalities, refuse_inequalities
+
+CLOSED = 1e-12
+"""A loop is closed when no row is off by more, in m or rad: about 1000 rounding errors of a length of 1 m, so that a
+start that is already consistent comes out as it went in."""
+
+MAX_STEPS = 50
+TRUST = 0.5
+"""Longest Newton step of one coordinate, in rad or m."""
+
+
+@dataclass(frozen=True)
+class ConsistentStart:
+    """A start and what the constraints are there."""
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    rows: int
+    rank: int
+    dof: int
+    moved: float
+    """Largest change that closing made to a coordinate, in rad or m."""
+
+
+def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: str, case: Case) -> None:
+    joints = [model.joint(index).name for index in range(model.njnt)]
+    sizes = {0: (7, 6), 1: (4, 3), 2: (1, 1), 3: (1, 1)}
+    for name, value in values.items():
+        index = joints.index(choose(f"joint in [start] {what} of case '{case.name}'", name, joints))
+        size = sizes[int(model.jnt_type[index])][0 if what == "qpos" else 1]
+        entries = np.atleast_1d(np.asarray(value, dtype=float))
+        if len(entries) != size:
+            raise InputError(
+                f"[start] {what} of joint '{name}' in case '{case.name}' has {len(entries)} numbers, expected {size}"
+            )
+        address = model.jnt_qposadr[index] if what == "qpos" else model.jnt_dofadr[index]
+        target[address : address + size] = entries
+
+
+def _worst(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, float]:
+    row = int(np.abs(data.efc_pos).argmax())
+    index = int(data.efc_id[row])
+    return element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index), float(abs(data.efc_pos[row]))
+
+
+class _Projector:
+    """Minimum-energy corrections: δ = M⁻¹ Jᵀ A⁺ c solves J δ = c with the least ½ δᵀ M δ."""
+
+    def __init__(self, model: mujoco.MjModel, rank_cut: float | None):
+        self._system = ConstrainedSystem()
+        self._solver = make_solver("pinv", **({} if rank_cut is None else {"rank_cut": rank_cut}))
+        self._mass = np.zeros((model.nv, model.nv))
+        self._zero = np.zeros(model.nv)
+        self.rank = 0
+
+    def correction(self, model: mujoco.MjModel, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0):
+        mujoco.mj_fullM(model, data, self._mass)
+        jacobian = data.efc_J.reshape(data.nefc, model.nv)
+        softness = np.full(len(wanted), damping) if damping else None
+        self._system.assemble(self._mass, jacobian, self._zero, wanted, softness)
+        multipliers, info = self._solver.solve_system(self._system)
+        self.rank = info.rank
+        return self._system.acceleration(multipliers)[0]
+
+
+def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
+    """Closes the loops of a case's start, then makes its velocities obey them.
+
+    Positions by Newton steps in the metric of M, damped when they do not help (Levenberg–Marquardt); velocities by
+    v − M⁻¹ Jᵀ A⁺ J v. Ranks are counted at the closed pose.
+
+    Raises:
+        InputError: a name or a size is wrong, rows other than equality rows are active, or a loop cannot be closed.
+    """
+    data = mujoco.MjData(model)
+    _write_named(model, data.qpos, case.file.start.qpos, "qpos", case)
+    _write_named(model, data.qvel, case.file.start.qvel, "qvel", case)
+    Drive(model, case).apply(data)
+    if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+        raise InputError(f"start of case '{case.name}' is not finite: qpos {data.qpos}, qvel {data.qvel}")
+
+    mujoco.mj_fwdPosition(model, data)
+    if data.ne == 0:
+        names = ", ".join(equality.name for equality in equalities(model))
+        raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")
+    refuse_inequalities(model, data)
+    given = data.qpos.copy()
+    _close(model, data, case)
+
+    projector = _Projector(model, case.file.rank_cut)
+    mujoco.mj_fwdVelocity(model, data)
+    velocity = projector.correction(model, data, -(data.efc_J.reshape(data.nefc, model.nv) @ data.qvel))
+    if np.abs(data.efc_vel).max() > CLOSED:
+        data.qvel += velocity
+    difference = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, difference, 1.0, given, data.qpos)
+    return ConsistentStart(
+        qpos=data.qpos.copy(),
+        qvel=data.qvel.copy(),
+        rows=int(data.ne),
+        rank=projector.rank,
+        dof=model.nv - projector.rank,
+        moved=float(np.abs(difference).max()),
+    )
+
+
+def _close(model: mujoco.MjModel, data: mujoco.MjData, case: Case) -> None:
+    projector = _Projector(model, case.file.rank_cut)
+    error = float(np.abs(data.efc_pos).max())
+    damping = 0.0
+    for _ in range(MAX_STEPS):
+        if error <= CLOSED:
+            return
+        step = projector.correction(model, data, -data.efc_pos, damping)
+        step *= min(1.0, TRUST / max(np.abs(step).max(), TRUST))
+        before = data.qpos.copy()
+        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
+        mujoco.mj_fwdPosition(model, data)
+        after = float(np.abs(data.efc_pos).max())
+        if after < error:
+            error, damping = after, damping / 10.0 if damping > 1e-12 else 0.0
+            continue
+        data.qpos[:] = before
+        mujoco.mj_fwdPosition(model, data)
+        if error <= 100 * CLOSED:
+            return  # rounding: long mechanisms cannot do better
+        scale = float(np.abs(data.efc_diagA).max())
+        damping = max(10.0 * damping, 1e-6 * scale)
+    name, gap = _worst(model, data)
+    raise InputError(
+        f"start of case '{case.name}' cannot be closed: equality '{name}' stays open by {gap:.3g} after "
+        f"{MAX_STEPS} steps, expected at most {CLOSED:g}"
+    )

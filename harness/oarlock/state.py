@@ -1,0 +1,58 @@
+"""What one state says: M, J, the smooth force, and the constraint rows, straight from MuJoCo's arrays."""
+
+import mujoco
+import numpy as np
+
+from oarlock.cases import Baumgarte, Form
+from oarlock.curvature import Curvature
+from oarlock.mechanism import refuse_inequalities
+
+
+class State:
+    """M, J, f and the rows of a state whose smooth stages are done.
+
+    ``read`` refreshes the fields. ``jacobian`` and the row vectors alias MuJoCo's arena: they hold until the next
+    stage call on the same data.
+
+    Attributes:
+        mass: M, (nv, nv).
+        jacobian: J, (ne, nv).
+        force: f = passive + applied + actuator − bias, (nv).
+        residual: r, (ne), m or rad.
+        rate: J v, (ne).
+        curvature: J̇ v, (ne).
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, baumgarte: Baumgarte):
+        self.model, self.data = model, data
+        self._curvature = Curvature(model, data)
+        self._beta2, self._k = 2.0 * baumgarte.beta, baumgarte.k
+        self.mass = np.zeros((model.nv, model.nv))
+        self.curvature = np.zeros(0)
+
+    def read(self) -> None:
+        """Takes the fields from the data.
+
+        Raises:
+            InputError: rows other than equality rows are active.
+        """
+        data = self.data
+        refuse_inequalities(self.model, data)
+        ne = data.ne
+        mujoco.mj_fullM(self.model, data, self.mass)
+        self.jacobian = data.efc_J.reshape(ne, self.model.nv)
+        self.force = data.qfrc_smooth
+        self.residual = data.efc_pos
+        self.rate = data.efc_vel
+        if len(self.curvature) != ne:
+            self.curvature = np.zeros(ne)
+        self._curvature.write(data, self.curvature)
+
+    def question(self, form: Form) -> tuple[np.ndarray, np.ndarray | None]:
+        """The accelerations asked of the rows, aref (ne), and their softness, R (ne) or None.
+
+        matched: MuJoCo's own aref and R. hard: aref = −J̇v − 2β Jv − k r and R = 0 (Baumgarte 1972).
+        """
+        if form == "matched":
+            return self.data.efc_aref, self.data.efc_R
+        return -self.curvature - self._beta2 * self.rate - self._k * self.residual, None

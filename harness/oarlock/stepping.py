@@ -1,0 +1,156 @@
+"""Steps of one engine: MuJoCo's own, or MuJoCo's integrators fed with a constraint force from elsewhere.
+
+The Python path: readable, and the oracle of any faster one. ``Walker.step`` leaves the data at the next state;
+``Walker.look`` makes everything that belongs to the present state valid, the acceleration included.
+"""
+
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from oarlock.drive import Drive
+from oarlock.errors import InputError
+
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+_EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+
+
+def smooth_stages(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive) -> None:
+    """Leaves M, J, R, aref, qfrc_smooth and qacc_smooth of the state ready, without MuJoCo's constraint solver."""
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    drive.apply(data)
+    mujoco.mj_fwdActuation(model, data)
+    mujoco.mj_fwdAcceleration(model, data)
+
+
+class ForceLaw(Protocol):
+    """Gives the constraint force of a state whose smooth stages are done."""
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Writes qacc, qfrc_constraint and efc_force. Both are needed: Euler reads one or the other by damping."""
+
+
+class Walker(Protocol):
+    """One engine on its way."""
+
+    data: mujoco.MjData
+
+    def look(self) -> None:
+        """Computes what belongs to the present state."""
+
+    def step(self) -> None:
+        """Goes on by one timestep, from a state that was looked at."""
+
+    def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """MuJoCo's own qacc and qfrc_constraint (nv) at the present state."""
+        ...
+
+
+class MujocoWalker:
+    """MuJoCo's own step. Run it inside ``drive.installed()``: RK4 asks for controls at its stages."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
+        self.model, self.data = model, data
+
+    def look(self) -> None:
+        """mj_forward: everything that mj_step would compute first."""
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self) -> None:
+        """The second half of mj_step: the integrator on its own."""
+        integrator = self.model.opt.integrator
+        if integrator == _RK4:
+            mujoco.mj_RungeKutta(self.model, self.data, 4)
+        elif integrator == _EULER:
+            mujoco.mj_Euler(self.model, self.data)
+        else:
+            mujoco.mj_implicit(self.model, self.data)
+
+    def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """What mj_forward left."""
+        return self.data.qacc.copy(), self.data.qfrc_constraint.copy()
+
+    @property
+    def iterations(self) -> int:
+        """Solver iterations at the present state, over all islands."""
+        return int(self.data.solver_niter[: max(1, self.data.nisland)].sum())
+
+
+class ForcedWalker:
+    """MuJoCo's smooth dynamics and integrators with the force of a ``ForceLaw``.
+
+    Raises:
+        InputError: the model has actuator activations and is to be integrated by RK4.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, drive: Drive, force: ForceLaw):
+        if model.na and model.opt.integrator == _RK4:
+            raise InputError(
+                f"the model has {model.na} actuator activation(s), expected none with rk4: use euler or implicitfast"
+            )
+        self.model, self.data = model, data
+        self._drive, self._force = drive, force
+        self._qpos, self._qvel = np.zeros(model.nq), np.zeros(model.nv)
+        self._velocities, self._accelerations = np.zeros((4, model.nv)), np.zeros((4, model.nv))
+
+    def look(self) -> None:
+        """The smooth stages, then the force law."""
+        smooth_stages(self.model, self.data, self._drive)
+        self._force.apply(self.data)
+
+    def step(self) -> None:
+        """MuJoCo's Euler or implicit step, or the classical Runge–Kutta step of order four."""
+        integrator = self.model.opt.integrator
+        if integrator == _RK4:
+            self._runge_kutta()
+        elif integrator == _EULER:
+            mujoco.mj_Euler(self.model, self.data)
+        else:
+            mujoco.mj_implicit(self.model, self.data)
+
+    def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """What MuJoCo's solver says here; our own force is put back afterwards."""
+        data = self.data
+        own = data.qacc.copy(), data.qfrc_constraint.copy(), data.efc_force.copy()
+        mujoco.mj_fwdConstraint(self.model, data)
+        theirs = data.qacc.copy(), data.qfrc_constraint.copy()
+        data.qacc[:], data.qfrc_constraint[:], data.efc_force[:] = own
+        return theirs
+
+    def _runge_kutta(self) -> None:
+        model, data = self.model, self.data
+        velocities, accelerations = self._velocities, self._accelerations
+        step, time = model.opt.timestep, data.time
+        self._qpos[:], self._qvel[:] = data.qpos, data.qvel
+        velocities[0], accelerations[0] = data.qvel, data.qacc
+        for stage, fraction in ((1, 0.5), (2, 0.5), (3, 1.0)):
+            data.qpos[:] = self._qpos
+            mujoco.mj_integratePos(model, data.qpos, velocities[stage - 1], fraction * step)
+            data.qvel[:] = self._qvel + fraction * step * accelerations[stage - 1]
+            data.time = time + fraction * step
+            self.look()
+            velocities[stage], accelerations[stage] = data.qvel, data.qacc
+        weights = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
+        data.qpos[:] = self._qpos
+        mujoco.mj_integratePos(model, data.qpos, weights @ velocities, step)
+        data.qvel[:] = self._qvel + step * (weights @ accelerations)
+        data.time = time + step
+
+
+class MujocoForce:
+    """MuJoCo's own efc_force, taken through our acceleration: the calibration."""
+
+    def __init__(self, model: mujoco.MjModel):
+        self.model = model
+        self._delta = np.zeros((1, model.nv))
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Runs MuJoCo's solver, then computes Jᵀf and qacc_smooth + M⁻¹Jᵀf from its force alone."""
+        model = self.model
+        mujoco.mj_fwdConstraint(model, data)
+        force = data.efc_force.copy()
+        data.qfrc_constraint[:] = data.efc_J.reshape(data.nefc, model.nv).T @ force
+        mujoco.mj_solveM(model, data, self._delta, data.qfrc_constraint[None, :])
+        data.qacc[:] = data.qacc_smooth + self._delta[0]

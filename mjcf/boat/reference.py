@@ -1,0 +1,70 @@
+"""Regenerates reference.csv: the boat's crank angle from its reduced equation of motion. No MuJoCo, no oarlock.
+
+The handle of each oar runs on the circle of its crank, which lies on the sphere r_h about the oarlock:
+
+    sin θ = ρ cos φ,   cos θ sin ψ = −ρ sin φ,   cos ψ cos θ = √(1 − ρ²),   ρ = r₀/r_h.
+
+A thin rod about its end has the energy ½ J |u̇|² with u the unit vector along it, and |u̇| = ρ φ̇ here, so the
+reduced inertia is constant. Gravity does m g r_c d(sin θ)/dφ = −m g r_c ρ sin φ an oar:
+
+    (J₁ + (J₂ + J₃) ρ²) φ̈ = −c (φ − φ*) − d (φ̇ − φ̇*) − (m₂ + m₃) g r_c ρ sin φ,   φ* = ωt − k sin ωt.
+
+Run: python mjcf/boat/reference.py
+"""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+CRANK_RADIUS, HANDLE_RADIUS = 0.5, 1.0
+CRANK_INERTIA, OAR_INERTIA = 1.0, 13.0
+OAR_MASS, OAR_CENTRE, GRAVITY = 4.0, 1.25, 9.81
+STROKE, PERIOD = 0.7, 5.0
+STIFFNESS, DAMPING = 10_000.0, 100.0
+DURATION, INTERVAL = 12.0, 0.0025
+RTOL, ATOL = 1e-13, 1e-14
+
+RATIO = CRANK_RADIUS / HANDLE_RADIUS
+OMEGA = 2 * np.pi / PERIOD
+INERTIA = CRANK_INERTIA + 2 * OAR_INERTIA * RATIO**2
+WEIGHT = 2 * OAR_MASS * GRAVITY * OAR_CENTRE * RATIO
+
+
+def acceleration(time, phi, phi_dot):
+    """φ̈ (rad/s²) at time (s), φ (rad) and φ̇ (rad/s)."""
+    target = OMEGA * time - STROKE * np.sin(OMEGA * time)
+    target_dot = OMEGA * (1 - STROKE * np.cos(OMEGA * time))
+    motor = -STIFFNESS * (phi - target) - DAMPING * (phi_dot - target_dot)
+    return (motor - WEIGHT * np.sin(phi)) / INERTIA
+
+
+def solve(times, rtol=RTOL, atol=ATOL):
+    """φ and φ̇ at the times (s), from rest at φ = 0."""
+    solution = solve_ivp(
+        lambda t, y: (y[1], acceleration(t, y[0], y[1])),
+        (0.0, times[-1]),
+        (0.0, 0.0),
+        method="DOP853",
+        t_eval=times,
+        rtol=rtol,
+        atol=atol,
+    )
+    return solution.y
+
+
+def main():
+    """Writes reference.csv beside this file."""
+    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    phi, phi_dot = solve(times)
+    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
+        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["time", "position", "velocity", "acceleration"])
+        for row in zip(times, phi, phi_dot, acceleration(times, phi, phi_dot), strict=True):
+            writer.writerow([f"{row[0]:.4f}", *(f"{value:.16g}" for value in row[1:])])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+//! Symmetric eigendecomposition with a rank cut, in a workspace that is kept.
+
+use faer::diag::Diag;
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
+use faer::{Mat, MatRef, Par, Spec};
+use nalgebra::{DMatrix, DVector};
+
+use crate::error::Error;
+use crate::system::ConstrainedSystem;
+
+/// Eigenvalues of A below this part of the largest count as zero, unless an option `rank_cut` says otherwise.
+///
+/// A = J M⁻¹ Jᵀ squares the singular values σ of J M^(−1/2), so the cut on σ is its square root, 1e-5. Rounding
+/// leaves eigenvalues of about 1e-16; a row pair that closes a loop only to a drift δ (lengths of order one) leaves
+/// about δ². A harness that asks the hard question on drifted states must raise the cut above that.
+pub const RANK_CUT: f64 = 1e-10;
+
+/// A = U diag(w) Uᵀ and the rank by a relative cut.
+pub struct SymmetricEigen {
+    vectors: Mat<f64>,
+    values: Diag<f64>,
+    scratch: MemBuffer,
+    rank: usize,
+    projected: Vec<f64>,
+}
+
+impl SymmetricEigen {
+    /// A workspace for `n×n` matrices.
+    #[must_use]
+    pub fn new(n: usize) -> Self {
+        let scratch = self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Spec::default());
+        Self {
+            vectors: Mat::zeros(n, n),
+            values: Diag::zeros(n),
+            scratch: MemBuffer::new(scratch),
+            rank: 0,
+            projected: vec![0.0; n],
+        }
+    }
+
+    /// The size it was made for.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.projected.len()
+    }
+
+    /// Whether it was made for size 0.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.projected.is_empty()
+    }
+
+    /// Decomposes `matrix` (`n×n`, lower triangle read) and counts its rank: eigenvalues above `rank_cut` times the
+    /// largest.
+    ///
+    /// # Errors
+    /// [`Error::NotPositiveSemidefinite`] when an eigenvalue lies below minus the cut, [`Error::Eigen`].
+    pub fn decompose(&mut self, matrix: &DMatrix<f64>, rank_cut: f64) -> Result<(), Error> {
+        let n = self.len();
+        let view = MatRef::from_column_major_slice(matrix.as_slice(), n, n);
+        self_adjoint_evd(
+            view,
+            self.values.as_mut(),
+            Some(self.vectors.as_mut()),
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+            Spec::default(),
+        )
+        .map_err(|_| Error::Eigen { n })?;
+        let (smallest, largest) = (self.values[0], self.values[n - 1]);
+        // A matrix that is zero to rounding has rank 0; its sign says nothing.
+        let cut = rank_cut * largest.abs().max(f64::MIN_POSITIVE);
+        if smallest < -cut {
+            return Err(Error::NotPositiveSemidefinite { smallest, largest });
+        }
+        self.rank = (0..n).filter(|&i| self.values[i] > cut).count();
+        Ok(())
+    }
+
+    /// Number of eigenvalues above the cut.
+    #[must_use]
+    pub const fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// The i-th eigenvalue, in rising order.
+    #[must_use]
+    pub fn value(&self, i: usize) -> f64 {
+        self.values[i]
+    }
+
+    /// x = A⁺ b; gives ‖Nᵀ b‖, the part of b outside range(A).
+    ///
+    /// # Panics
+    /// If b or x are not of the size decomposed.
+    pub fn solve(&mut self, rhs: &DVector<f64>, x: &mut [f64]) -> f64 {
+        let n = self.len();
+        assert_eq!((rhs.len(), x.len()), (n, n));
+        for i in 0..n {
+            let column = self.vectors.col(i);
+            self.projected[i] = (0..n).map(|row| column[row] * rhs[row]).sum();
+        }
+        let null = n - self.rank;
+        let inconsistency = self.projected[..null].iter().map(|p| p * p).sum::<f64>().sqrt();
+        x.fill(0.0);
+        for i in null..n {
+            let coefficient = self.projected[i] / self.values[i];
+            let column = self.vectors.col(i);
+            for (row, entry) in x.iter_mut().enumerate() {
+                *entry += coefficient * column[row];
+            }
+        }
+        inconsistency
+    }
+
+    /// ‖A x − P b‖ / ‖b‖ for an x in range(A), P the projector onto range(A); 0 when b = 0. Call it after
+    /// [`solve`](Self::solve) with the same system, whose Uᵀ b it uses.
+    ///
+    /// # Panics
+    /// If the system or x are not of the size decomposed.
+    pub fn residual_rel(&mut self, system: &ConstrainedSystem, x: &[f64]) -> f64 {
+        let (n, null) = (self.len(), self.len() - self.rank);
+        assert_eq!((system.len(), x.len()), (n, n));
+        let norm = system.rhs().norm();
+        if norm == 0.0 {
+            return 0.0;
+        }
+        // Uᵀ(A x) on the range, with A itself rather than its decomposition, so that a wrong one shows.
+        let mut sum = 0.0;
+        for i in null..n {
+            let column = self.vectors.col(i);
+            let mut image = 0.0;
+            for (col, entry) in x.iter().enumerate() {
+                let matrix_column = system.matrix().column(col);
+                image += entry * (0..n).map(|row| column[row] * matrix_column[row]).sum::<f64>();
+            }
+            sum += (image - self.projected[i]).powi(2);
+        }
+        sum.sqrt() / norm
+    }
+
+    /// Largest dropped eigenvalue over the largest of all: ‖A N‖ / ‖A‖ of the null-space basis; 0 without one.
+    #[must_use]
+    pub fn null_residual(&self) -> f64 {
+        let n = self.len();
+        let largest = self.values[n - 1].abs();
+        let dropped = (0..n - self.rank).map(|i| self.values[i].abs()).fold(0.0, f64::max);
+        if largest == 0.0 { 0.0 } else { dropped / largest }
+    }
+
+    /// Writes A⁺ into `inverse` (`n×n`).
+    pub fn pseudo_inverse(&self, inverse: &mut DMatrix<f64>) {
+        let n = self.len();
+        inverse.fill(0.0);
+        for i in n - self.rank..n {
+            let column = self.vectors.col(i);
+            for col in 0..n {
+                for row in 0..n {
+                    inverse[(row, col)] += column[row] * column[col] / self.values[i];
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! What can be wrong with the input. Every message names the value and what was expected.
+
+/// Bad input. Not converging is not an error: see [`Status`](crate::info::Status).
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An array has another shape than its companions.
+    #[error("{what} has shape {got}, expected {expected}")]
+    Shape {
+        /// The array's name.
+        what: &'static str,
+        /// The shape it should have.
+        expected: String,
+        /// The shape it has.
+        got: String,
+    },
+    /// There are no constraint rows or no velocities.
+    #[error("{what} is empty: at least one row and one velocity are needed")]
+    Empty {
+        /// The array's name.
+        what: &'static str,
+    },
+    /// A NaN or an infinity.
+    #[error("{what}[{index}] = {value}, expected finite numbers")]
+    NonFinite {
+        /// The array's name.
+        what: &'static str,
+        /// Flat index in row-major order.
+        index: usize,
+        /// The offending value.
+        value: f64,
+    },
+    /// A matrix that must be symmetric is not.
+    #[error(
+        "A[{row},{col}] and A[{col},{row}] differ by {gap:e}, expected symmetry to {tolerance:e} of the largest entry"
+    )]
+    NotSymmetric {
+        /// Row of the worst pair.
+        row: usize,
+        /// Column of the worst pair.
+        col: usize,
+        /// Absolute difference.
+        gap: f64,
+        /// Relative tolerance.
+        tolerance: f64,
+    },
+    /// A has a negative eigenvalue beyond rounding.
+    #[error("A is not positive semidefinite: smallest eigenvalue {smallest:e}, largest {largest:e}")]
+    NotPositiveSemidefinite {
+        /// Smallest eigenvalue.
+        smallest: f64,
+        /// Largest eigenvalue.
+        largest: f64,
+    },
+    /// M has no Cholesky factor.
+    #[error(
+        "mass matrix is not positive definite (diagonal runs from {smallest:e} to {largest:e}): \
+         check that every moving body has positive mass and inertia"
+    )]
+    MassNotPositiveDefinite {
+        /// Smallest diagonal entry.
+        smallest: f64,
+        /// Largest diagonal entry.
+        largest: f64,
+    },
+    /// A softness must not be negative.
+    #[error("regularisation[{index}] = {value}, expected a number ≥ 0")]
+    NegativeRegularisation {
+        /// Row.
+        index: usize,
+        /// The offending value.
+        value: f64,
+    },
+    /// No solver has this name.
+    #[error("unknown solver '{name}', expected one of: {valid}")]
+    UnknownSolver {
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        valid: String,
+    },
+    /// The solver has no such option.
+    #[error("solver '{solver}' has no option '{option}', expected one of: {valid}")]
+    UnknownOption {
+        /// The solver.
+        solver: &'static str,
+        /// The option asked for.
+        option: String,
+        /// The options there are.
+        valid: String,
+    },
+    /// An option is out of range.
+    #[error("option {option} = {value} of solver '{solver}', expected {expected}")]
+    OptionValue {
+        /// The solver.
+        solver: &'static str,
+        /// The option.
+        option: &'static str,
+        /// The value given.
+        value: f64,
+        /// The range.
+        expected: &'static str,
+    },
+    /// A law of time does not parse or names an unknown variable.
+    #[error("time law '{law}': {reason}")]
+    TimeLaw {
+        /// Source text of the law.
+        law: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The eigensolver gave up; finite symmetric input does not get here in practice.
+    #[error("symmetric eigendecomposition of an {n}×{n} matrix did not converge")]
+    Eigen {
+        /// Size.
+        n: usize,
+    },
+}
+
+/// Checks that every entry is finite.
+///
+/// # Errors
+/// [`Error::NonFinite`] with the first offending entry.
+pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<(), Error> {
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(()),
+        Some(index) => Err(Error::NonFinite { what, index, value: values[index] }),
+    }
+}
+
+/// Checks the length of an array that is given flat.
+///
+/// # Errors
+/// [`Error::Shape`] with both lengths.
+pub(crate) fn check_len(what: &'static str, got: usize, shape: &[usize]) -> Result<(), Error> {
+    if got == shape.iter().product::<usize>() {
+        return Ok(());
+    }
+    let expected = shape.iter().map(ToString::to_string).collect::<Vec<_>>().join("×");
+    Err(Error::Shape { what, expected, got: format!("{got} entries") })
+}

@@ -1,0 +1,48 @@
+//! What a solve reports.
+
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Status {
+    /// The stopping test of the solver was met.
+    Converged,
+    /// The iteration limit was reached first; the multipliers are those of the smallest residual seen.
+    IterationLimit,
+    /// A number overflowed; the multipliers are those of the smallest residual seen.
+    Breakdown,
+}
+
+impl Status {
+    /// The name used in tables: `converged`, `iteration-limit`, `breakdown`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Converged => "converged",
+            Self::IterationLimit => "iteration-limit",
+            Self::Breakdown => "breakdown",
+        }
+    }
+}
+
+/// The figures of one solve. A figure that the solver cannot know is `None`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Info {
+    /// How the solve ended.
+    pub status: Status,
+    /// Iterations, in the solver's own count (for `sr1` the paper's k); 0 for a direct solver.
+    pub iterations: usize,
+    /// Products with A or with the carried inverse, O(n²) each.
+    pub products: usize,
+    /// ‖A x − b‖ / ‖b‖, in the least-squares sense (‖A x − P b‖ / ‖b‖, P onto range(A)) where the solver knows range(A).
+    pub residual_rel: f64,
+    /// ‖Nᵀ b‖, N an orthonormal basis of null(A): how far the redundant rows contradict one another.
+    pub inconsistency: Option<f64>,
+    /// Rank of A by the solver's rank cut.
+    pub rank: Option<usize>,
+    /// ‖A N‖ / ‖A‖ of the null-space basis that the solver used.
+    pub null_residual: Option<f64>,
+    /// Whether the carried pseudo-inverse was recomputed from scratch in this solve.
+    pub refreshed: bool,
+    /// Updates that were skipped or replaced by a safer one.
+    pub fallbacks: usize,
+}

@@ -1,0 +1,126 @@
+//! Options by name, for solvers made from a string (`sr1:eps_abs=1e-7`).
+
+use std::collections::BTreeMap;
+
+use crate::error::Error;
+
+/// Numbers by name. Every solver reads its own through a [`Reader`], which refuses the names left over.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Options(BTreeMap<String, f64>);
+
+impl Options {
+    /// No options: every solver's defaults.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// With one more option; a name given twice keeps the last value.
+    #[must_use]
+    pub fn with(mut self, name: &str, value: f64) -> Self {
+        self.0.insert(name.to_owned(), value);
+        self
+    }
+
+    /// Starts reading the options of `solver`.
+    fn reader(&self, solver: &'static str) -> Reader<'_> {
+        Reader { solver, given: &self.0, known: Vec::new() }
+    }
+}
+
+/// Reads the options of one solver and remembers which names it knows.
+#[derive(Debug)]
+pub struct Reader<'a> {
+    solver: &'static str,
+    given: &'a BTreeMap<String, f64>,
+    known: Vec<(&'static str, f64)>,
+}
+
+impl Reader<'_> {
+    fn read(
+        &mut self,
+        option: &'static str,
+        default: f64,
+        expected: &'static str,
+        valid: impl Fn(f64) -> bool,
+    ) -> Result<f64, Error> {
+        self.known.push((option, default));
+        let value = self.given.get(option).copied().unwrap_or(default);
+        if valid(value) {
+            Ok(value)
+        } else {
+            Err(Error::OptionValue { solver: self.solver, option, value, expected })
+        }
+    }
+
+    /// A number in (0, ∞).
+    ///
+    /// # Errors
+    /// [`Error::OptionValue`] outside that range.
+    pub fn positive(&mut self, option: &'static str, default: f64) -> Result<f64, Error> {
+        self.read(option, default, "a finite number > 0", |v| v.is_finite() && v > 0.0)
+    }
+
+    /// A number in [0, 1).
+    ///
+    /// # Errors
+    /// [`Error::OptionValue`] outside that range.
+    pub fn fraction(&mut self, option: &'static str, default: f64) -> Result<f64, Error> {
+        self.read(option, default, "a number in [0, 1)", |v| (0.0..1.0).contains(&v))
+    }
+
+    /// A whole number from 1 to 10⁶.
+    ///
+    /// # Errors
+    /// [`Error::OptionValue`] outside that range or with a fraction.
+    pub fn count(&mut self, option: &'static str, default: u32) -> Result<usize, Error> {
+        let valid = |v: f64| v.fract() == 0.0 && (1.0..=1e6).contains(&v);
+        let value = self.read(option, f64::from(default), "a whole number from 1 to 1000000", valid)?;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
+        Ok(value as usize)
+    }
+
+    /// Refuses the options that nobody read.
+    fn finish(&self) -> Result<(), Error> {
+        let unknown = self.given.keys().find(|name| self.known.iter().all(|(known, _)| known != name));
+        match unknown {
+            None => Ok(()),
+            Some(option) => {
+                let valid = self.known.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+                Err(Error::UnknownOption { solver: self.solver, option: option.clone(), valid })
+            }
+        }
+    }
+}
+
+/// The parameters of one solver.
+pub trait Params: Sized {
+    /// Name of the solver they belong to.
+    const SOLVER: &'static str;
+
+    /// Reads every option of the solver, with its default.
+    ///
+    /// # Errors
+    /// [`Error::OptionValue`].
+    fn read(reader: &mut Reader<'_>) -> Result<Self, Error>;
+
+    /// Reads the options and refuses unknown names.
+    ///
+    /// # Errors
+    /// [`Error::OptionValue`], [`Error::UnknownOption`].
+    fn from_options(options: &Options) -> Result<Self, Error> {
+        let mut reader = options.reader(Self::SOLVER);
+        let params = Self::read(&mut reader)?;
+        reader.finish()?;
+        Ok(params)
+    }
+
+    /// Names and defaults of the options.
+    fn defaults() -> Vec<(&'static str, f64)> {
+        let options = Options::new();
+        let mut reader = options.reader(Self::SOLVER);
+        // The defaults are valid: a test builds every solver from them.
+        let _ = Self::read(&mut reader);
+        reader.known
+    }
+}

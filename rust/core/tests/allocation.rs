@@ -1,0 +1,75 @@
+//! After its set-up no solver allocates: counted by the allocator itself.
+
+#![allow(unsafe_code)] // an allocator that counts must implement `GlobalAlloc`, which is unsafe
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::hint::black_box;
+
+use oarlock_core::test_problems::{NV, ROWS, boat};
+use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS};
+
+thread_local! {
+    /// Allocations of this thread; the test harness's own threads do not count.
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+// SAFETY: hands every call on to the system's allocator unchanged; counting neither allocates nor unwinds.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.set(COUNT.get() + 1);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(memory, layout) }
+    }
+
+    // The default of `realloc` and `alloc_zeroed` goes through `alloc`, so they count too.
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = COUNT.get();
+    work();
+    COUNT.get() - before
+}
+
+const WARM_UP: u32 = 2;
+const ROUNDS: u32 = 100;
+
+/// The boat's steps `from..to`: assemble, solve, back to accelerations.
+fn run(solver: &mut dyn MultiplierSolver, system: &mut ConstrainedSystem, from: u32, to: u32) {
+    let (mut x, mut qfrc, mut qacc) = ([0.0; ROWS], [0.0; NV], [0.0; NV]);
+    for k in from..to {
+        system.assemble(&boat(1e-3 * f64::from(k)).view()).expect("a good step");
+        solver.solve(system, &mut x).expect("a good system");
+        system.acceleration(&x, &mut qfrc, &mut qacc).expect("matching lengths");
+        black_box(&qacc);
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations(|| drop(black_box(Box::new(1.0)))), 1);
+    assert_eq!(allocations(|| drop(black_box(vec![0.0; 8]))), 1);
+}
+
+#[test]
+fn no_solver_allocates_after_its_set_up() {
+    assert!(!SOLVERS.is_empty());
+    for kind in SOLVERS {
+        let mut solver = (kind.build)(&Options::new()).expect(kind.name);
+        let mut system = ConstrainedSystem::new();
+        run(&mut *solver, &mut system, 0, WARM_UP);
+        let count = allocations(|| run(&mut *solver, &mut system, WARM_UP, WARM_UP + ROUNDS));
+        assert_eq!(count, 0, "allocations of {} in {ROUNDS} rounds", kind.name);
+        // A refresh happens in the same workspace.
+        solver.reset();
+        assert_eq!(allocations(|| run(&mut *solver, &mut system, 0, 1)), 0, "allocations of {} anew", kind.name);
+    }
+}

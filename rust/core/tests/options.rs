@@ -1,0 +1,109 @@
+//! Solvers and their options by name: everything listed works, everything else is refused with what is valid.
+
+mod support;
+
+use std::collections::BTreeSet;
+
+use oarlock_core::params::Params;
+use oarlock_core::pinv::PinvParams;
+use oarlock_core::solver::find_solver;
+use oarlock_core::sr1::Sr1Params;
+use oarlock_core::{Options, SOLVERS, make_solver};
+use support::{assert_within, diagonal, solve};
+
+/// The message of a solver that must not build.
+fn refusal(name: &str, options: &Options) -> String {
+    match make_solver(name, options) {
+        Ok(_) => panic!("{name} accepts {options:?}"),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn the_registry_is_complete_and_its_names_are_unique() {
+    let names = SOLVERS.iter().map(|kind| kind.name).collect::<BTreeSet<_>>();
+    assert_eq!(names.len(), SOLVERS.len(), "{names:?}");
+    assert!(names.is_superset(&BTreeSet::from(["pinv", "sr1"])), "{names:?}");
+    assert!(SOLVERS.iter().all(|kind| !kind.summary.is_empty()));
+}
+
+#[test]
+fn every_solver_builds_from_its_listed_defaults_and_solves() {
+    for kind in SOLVERS {
+        let listed = (kind.options)();
+        assert!(!listed.is_empty(), "{} lists no options", kind.name);
+        let options = listed.iter().fold(Options::new(), |options, &(name, value)| options.with(name, value));
+        let mut solver = make_solver(kind.name, &options).expect(kind.name);
+        assert_eq!(solver.name(), kind.name);
+        assert_eq!(find_solver(kind.name).unwrap().summary, kind.summary);
+        let (x, _) = solve(&mut *solver, &diagonal(&[2.0, 4.0]));
+        assert_within(kind.name, (x[0] - 0.5).abs().max((x[1] - 0.25).abs()), 1e-6); // sr1 stops at eps_abs = 1e-6
+    }
+}
+
+#[test]
+fn an_unknown_solver_is_refused_with_the_names_there_are() {
+    let names = SOLVERS.iter().map(|kind| kind.name).collect::<Vec<_>>().join(", ");
+    for name in ["sr2", "", "SR1"] {
+        assert_eq!(refusal(name, &Options::new()), format!("unknown solver '{name}', expected one of: {names}"));
+    }
+}
+
+#[test]
+fn an_unknown_option_is_refused_with_the_names_there_are() {
+    for kind in SOLVERS {
+        let names = (kind.options)().iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+        for option in ["tolerence", ""] {
+            let expected = format!("solver '{}' has no option '{option}', expected one of: {names}", kind.name);
+            assert_eq!(refusal(kind.name, &Options::new().with(option, 1.0)), expected);
+        }
+    }
+}
+
+#[test]
+fn no_option_takes_a_number_that_is_not_finite_or_negative() {
+    for kind in SOLVERS {
+        for (option, _) in (kind.options)() {
+            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.5] {
+                let message = refusal(kind.name, &Options::new().with(option, value));
+                let start = format!("option {option} = {value} of solver '{}', expected a ", kind.name);
+                assert!(message.starts_with(&start), "{message}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_ranges_end_where_they_say() {
+    let (positive, fraction, count) =
+        ("a finite number > 0", "a number in [0, 1)", "a whole number from 1 to 1000000");
+    for (option, inside, outside, range) in [
+        ("eps_abs", [f64::MIN_POSITIVE, 1e300], [0.0, -1e-300], positive),
+        ("guard", [0.0, 0.999], [1.0, -1e-300], fraction),
+        ("rank_cut", [0.0, 0.999], [1.0, 2.0], fraction),
+        ("max_iterations", [1.0, 1e6], [0.0, 1_000_001.0], count),
+        ("max_iterations", [2.0, 50.0], [0.5, 2.5], count),
+    ] {
+        for value in inside {
+            assert!(make_solver("sr1", &Options::new().with(option, value)).is_ok(), "{option} = {value}");
+        }
+        for value in outside {
+            let message = refusal("sr1", &Options::new().with(option, value));
+            assert_eq!(message, format!("option {option} = {value} of solver 'sr1', expected {range}"));
+        }
+    }
+}
+
+#[test]
+fn every_option_reaches_its_parameter_and_the_last_value_counts() {
+    let options = Options::new()
+        .with("eps_abs", 1.0)
+        .with("eps_abs", 1e-3)
+        .with("guard", 0.25)
+        .with("max_iterations", 7.0)
+        .with("rank_cut", 0.125);
+    let expected = Sr1Params { eps_abs: 1e-3, guard: 0.25, max_iterations: 7, rank_cut: 0.125 };
+    assert_eq!(Sr1Params::from_options(&options), Ok(expected));
+    let options = Options::new().with("rank_cut", 0.125);
+    assert_eq!(PinvParams::from_options(&options), Ok(PinvParams { rank_cut: 0.125 }));
+}

@@ -1,0 +1,32 @@
+//! `oarlock._core`: the solvers of `oarlock-core` for Python. Conversions, errors and classes; no numerics.
+//!
+//! Every call that computes releases the interpreter lock.
+
+mod convert;
+mod solver;
+mod system;
+mod time_law;
+
+use pyo3::prelude::*;
+
+/// The compiled core of oarlock: systems, solvers, laws of time.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use super::convert::InputError;
+    #[pymodule_export]
+    use super::solver::{Info, MultiplierSolver, make_solver, solvers};
+    #[pymodule_export]
+    use super::system::ConstrainedSystem;
+    #[pymodule_export]
+    use super::time_law::TimeLaw;
+
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
+        module.add("BUILD_PROFILE", profile)?;
+        module.add("VERSION", env!("CARGO_PKG_VERSION"))
+    }
+}

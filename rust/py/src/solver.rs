@@ -1,0 +1,150 @@
+//! Solvers and what they report, for Python.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use oarlock_core as core;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::convert::{input_error, matrix, vector};
+use crate::system::ConstrainedSystem;
+
+/// The figures of one solve; a figure that the solver cannot know is None.
+#[pyclass(frozen, get_all, module = "oarlock._core")]
+pub struct Info {
+    /// converged, iteration-limit or breakdown.
+    status: &'static str,
+    /// Iterations, in the solver's own count; 0 for a direct solver.
+    iterations: usize,
+    /// Products with A or with the carried inverse.
+    products: usize,
+    /// ‖A x − b‖ / ‖b‖, in the least-squares sense where the solver knows range(A).
+    residual_rel: f64,
+    /// ‖Nᵀ b‖, N a basis of null(A).
+    inconsistency: Option<f64>,
+    /// Rank of A.
+    rank: Option<usize>,
+    /// ‖A N‖ / ‖A‖.
+    null_residual: Option<f64>,
+    /// Whether the carried pseudo-inverse was recomputed.
+    refreshed: bool,
+    /// Updates skipped or replaced.
+    fallbacks: usize,
+    /// Wall time of the solve alone, in ns.
+    elapsed_ns: u64,
+}
+
+#[pymethods]
+impl Info {
+    fn __repr__(&self) -> String {
+        format!(
+            "Info(status='{}', iterations={}, residual_rel={:.3e}, refreshed={})",
+            self.status,
+            self.iterations,
+            self.residual_rel,
+            if self.refreshed { "True" } else { "False" }
+        )
+    }
+}
+
+impl Info {
+    fn new(info: core::Info, elapsed: Duration) -> Self {
+        Self {
+            status: info.status.name(),
+            iterations: info.iterations,
+            products: info.products,
+            residual_rel: info.residual_rel,
+            inconsistency: info.inconsistency,
+            rank: info.rank,
+            null_residual: info.null_residual,
+            refreshed: info.refreshed,
+            fallbacks: info.fallbacks,
+            elapsed_ns: elapsed.as_nanos().try_into().unwrap_or(u64::MAX),
+        }
+    }
+}
+
+/// Solves A λ = b one step after another, carrying what it learns. Made by `make_solver`.
+#[pyclass(module = "oarlock._core")]
+pub struct MultiplierSolver {
+    inner: Box<dyn core::MultiplierSolver>,
+    dense: core::ConstrainedSystem,
+}
+
+type Solution<'py> = (Bound<'py, PyArray1<f64>>, Info);
+
+fn solve<'py>(
+    py: Python<'py>,
+    solver: &mut dyn core::MultiplierSolver,
+    system: &core::ConstrainedSystem,
+) -> PyResult<Solution<'py>> {
+    let mut x = vec![0.0; system.len()];
+    let (info, elapsed) = py.detach(|| {
+        let start = Instant::now();
+        (solver.solve(system, &mut x), start.elapsed())
+    });
+    Ok((x.into_pyarray(py), Info::new(info.map_err(input_error)?, elapsed)))
+}
+
+#[pymethods]
+impl MultiplierSolver {
+    /// Name in the registry.
+    #[getter]
+    fn name(&self) -> &'static str {
+        self.inner.name()
+    }
+
+    /// (x, info) of a dense A (n×n, symmetric positive semidefinite) and b (n).
+    #[allow(clippy::needless_pass_by_value)]
+    #[pyo3(signature = (A, b))]
+    #[allow(non_snake_case)]
+    fn solve<'py>(
+        &mut self,
+        py: Python<'py>,
+        A: PyReadonlyArray2<'_, f64>,
+        b: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Solution<'py>> {
+        let b = vector("b", &b)?;
+        self.dense.set_dense(matrix("A", &A, [b.len(), b.len()])?, b).map_err(input_error)?;
+        solve(py, &mut *self.inner, &self.dense)
+    }
+
+    /// (x, info) of the system of one step.
+    fn solve_system<'py>(&mut self, py: Python<'py>, system: &ConstrainedSystem) -> PyResult<Solution<'py>> {
+        solve(py, &mut *self.inner, &system.inner)
+    }
+
+    /// Forgets all earlier steps.
+    fn reset(&mut self) {
+        self.inner.reset();
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<MultiplierSolver {}>", self.inner.name())
+    }
+}
+
+/// Makes a solver by its name, with options as numbers: `make_solver("sr1", eps_abs=1e-7)`.
+#[pyfunction]
+#[pyo3(signature = (name, **options))]
+pub fn make_solver(name: &str, options: Option<BTreeMap<String, f64>>) -> PyResult<MultiplierSolver> {
+    let options = options
+        .unwrap_or_default()
+        .iter()
+        .fold(core::Options::new(), |options, (name, value)| options.with(name, *value));
+    let inner = core::make_solver(name, &options).map_err(input_error)?;
+    Ok(MultiplierSolver { inner, dense: core::ConstrainedSystem::new() })
+}
+
+/// Every solver: {name: (summary, {option: default})}.
+#[pyfunction]
+pub fn solvers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let all = PyDict::new(py);
+    for kind in core::SOLVERS {
+        let options: BTreeMap<_, _> = (kind.options)().into_iter().collect();
+        all.set_item(kind.name, (kind.summary, options))?;
+    }
+    Ok(all)
+}

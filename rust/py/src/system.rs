@@ -1,0 +1,80 @@
+//! `ConstrainedSystem` for Python.
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use oarlock_core as core;
+use pyo3::prelude::*;
+
+use crate::convert::{input_error, matrix, vector};
+
+/// A λ = b of one step: A = J M⁻¹ Jᵀ (+ R), b = aref − J M⁻¹ f. Make one and assemble it anew every step.
+#[pyclass(module = "oarlock._core")]
+#[derive(Default)]
+pub struct ConstrainedSystem {
+    pub inner: core::ConstrainedSystem,
+}
+
+#[pymethods]
+impl ConstrainedSystem {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+
+    /// Forms A and b from M (nv×nv), J (n×nv), f (nv), aref (n) and, for soft rows, R (n).
+    #[pyo3(signature = (mass, jacobian, force, aref, regularisation=None))]
+    #[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
+    fn assemble(
+        &mut self,
+        py: Python<'_>,
+        mass: PyReadonlyArray2<'_, f64>,
+        jacobian: PyReadonlyArray2<'_, f64>,
+        force: PyReadonlyArray1<'_, f64>,
+        aref: PyReadonlyArray1<'_, f64>,
+        regularisation: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<()> {
+        let force = vector("force", &force)?;
+        let aref = vector("aref", &aref)?;
+        let step = core::StepView {
+            mass: matrix("mass", &mass, [force.len(), force.len()])?,
+            jacobian: matrix("jacobian", &jacobian, [aref.len(), force.len()])?,
+            force,
+            aref,
+            regularisation: match &regularisation {
+                Some(regularisation) => Some(vector("regularisation", regularisation)?),
+                None => None,
+            },
+        };
+        let inner = &mut self.inner;
+        py.detach(|| inner.assemble(&step)).map_err(input_error)
+    }
+
+    /// A, n×n.
+    #[getter]
+    fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let n = self.inner.len();
+        let flat = self.inner.matrix().as_slice().to_vec(); // symmetric: column-major is row-major
+        flat.into_pyarray(py).reshape([n, n])
+    }
+
+    /// b, n.
+    #[getter]
+    fn rhs<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.inner.rhs().as_slice())
+    }
+
+    /// From λ (n) to (qacc, qfrc), both nv: a₀ + M⁻¹ Jᵀ λ and Jᵀ λ.
+    #[allow(clippy::needless_pass_by_value)]
+    #[allow(clippy::type_complexity)] // a pair of arrays
+    fn acceleration<'py>(
+        &mut self,
+        py: Python<'py>,
+        multipliers: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let multipliers = vector("multipliers", &multipliers)?;
+        let inner = &mut self.inner;
+        let mut qacc = vec![0.0; inner.nv()];
+        let mut qfrc = vec![0.0; inner.nv()];
+        py.detach(|| inner.acceleration(multipliers, &mut qfrc, &mut qacc)).map_err(input_error)?;
+        Ok((qacc.into_pyarray(py), qfrc.into_pyarray(py)))
+    }
+}

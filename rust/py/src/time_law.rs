@@ -1,0 +1,34 @@
+//! `TimeLaw` for Python.
+
+use std::collections::BTreeMap;
+
+use oarlock_core as core;
+use pyo3::prelude::*;
+
+use crate::convert::input_error;
+
+/// A scalar law of time, parsed once: arithmetic, functions, PI, the time t and named constants.
+#[pyclass(module = "oarlock._core")]
+pub struct TimeLaw {
+    inner: core::TimeLaw,
+}
+
+#[pymethods]
+impl TimeLaw {
+    #[new]
+    #[pyo3(signature = (source, constants=BTreeMap::new()))]
+    #[allow(clippy::needless_pass_by_value)]
+    fn new(source: &str, constants: BTreeMap<String, f64>) -> PyResult<Self> {
+        let inner = core::TimeLaw::parse(source, &constants).map_err(input_error)?;
+        Ok(Self { inner })
+    }
+
+    /// The value at time t in seconds; NaN outside the law's domain.
+    fn at(&mut self, t: f64) -> f64 {
+        self.inner.at(t)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("TimeLaw('{}')", self.inner)
+    }
+}
