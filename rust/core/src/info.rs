@@ -6,9 +6,9 @@
 pub enum Status {
     /// The stopping test of the solver was met.
     Converged,
-    /// The iteration limit was reached first; the multipliers are those of the smallest residual seen.
+    /// The iteration limit was reached first; the multipliers come from a refresh.
     IterationLimit,
-    /// A number overflowed; the multipliers are those of the smallest residual seen.
+    /// A number overflowed; the multipliers come from a refresh.
     Breakdown,
 }
 

@@ -16,7 +16,7 @@ pub trait MultiplierSolver: Send + Sync {
     /// A system of another size than the last one starts the solver anew, as [`reset`](Self::reset) does.
     ///
     /// # Errors
-    /// [`Error`] for bad input only; not converging is a [`Status`](crate::info::Status), with the best x found.
+    /// [`Error`] for bad input only; not converging is a [`Status`](crate::info::Status), with a usable x.
     fn solve(&mut self, system: &ConstrainedSystem, x: &mut [f64]) -> Result<Info, Error>;
 
     /// Forgets all earlier steps.

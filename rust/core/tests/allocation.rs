@@ -70,6 +70,11 @@ fn no_solver_allocates_after_its_set_up() {
         assert_eq!(count, 0, "allocations of {} in {ROUNDS} rounds", kind.name);
         // A refresh happens in the same workspace.
         solver.reset();
-        assert_eq!(allocations(|| run(&mut *solver, &mut system, 0, 1)), 0, "allocations of {} anew", kind.name);
+        assert_eq!(
+            allocations(|| run(&mut *solver, &mut system, 0, 1)),
+            0,
+            "allocations of {} anew",
+            kind.name
+        );
     }
 }

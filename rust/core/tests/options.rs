@@ -45,7 +45,10 @@ fn every_solver_builds_from_its_listed_defaults_and_solves() {
 fn an_unknown_solver_is_refused_with_the_names_there_are() {
     let names = SOLVERS.iter().map(|kind| kind.name).collect::<Vec<_>>().join(", ");
     for name in ["sr2", "", "SR1"] {
-        assert_eq!(refusal(name, &Options::new()), format!("unknown solver '{name}', expected one of: {names}"));
+        assert_eq!(
+            refusal(name, &Options::new()),
+            format!("unknown solver '{name}', expected one of: {names}")
+        );
     }
 }
 
@@ -54,7 +57,8 @@ fn an_unknown_option_is_refused_with_the_names_there_are() {
     for kind in SOLVERS {
         let names = (kind.options)().iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
         for option in ["tolerence", ""] {
-            let expected = format!("solver '{}' has no option '{option}', expected one of: {names}", kind.name);
+            let expected =
+                format!("solver '{}' has no option '{option}', expected one of: {names}", kind.name);
             assert_eq!(refusal(kind.name, &Options::new().with(option, 1.0)), expected);
         }
     }

@@ -41,7 +41,11 @@ fn the_boat_takes_the_iterations_of_the_paper_and_loses_the_minimum_norm() {
         let asked = DVector::from_column_slice(&step.aref);
         let reached = DMatrix::from_row_slice(ROWS, NV, &step.jacobian) * qacc;
         let rounding = ROUNDING * (system.rhs().norm() + asked.norm());
-        assert_within(&format!("J a = aref at step {k}"), (reached - &asked).norm(), PARAMS.eps_abs + rounding);
+        assert_within(
+            &format!("J a = aref at step {k}"),
+            (reached - &asked).norm(),
+            PARAMS.eps_abs + rounding,
+        );
 
         let minimum = solve(&mut *pinv, &system).0;
         worst = worst.max((x - &minimum).norm() / minimum.norm());
@@ -68,7 +72,13 @@ fn ugly_changes_keep_their_frozen_counts() {
         ("b = 0", ones, one, [0.0, 0.0], (Converged, 0, 0)),
         ("A doubles", one, [[2.0, 0.0], [0.0, 2.0]], [1.0, 3.0], (Converged, 1, 0)),
         ("A shrinks to 1e-6", one, [[1e-6, 0.0], [0.0, 1e-6]], [1.0, 3.0], (Converged, 1, 0)),
-        ("eigenvalues swap", [[2.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 2.0]], [1.0, 1.0], (Converged, 2, 0)),
+        (
+            "eigenvalues swap",
+            [[2.0, 0.0], [0.0, 1.0]],
+            [[1.0, 0.0], [0.0, 2.0]],
+            [1.0, 1.0],
+            (Converged, 2, 0),
+        ),
         ("the denominator vanishes", one, nearly, [1e3, 1e3], (Converged, 1, 1)),
         ("a row becomes redundant", one, ones, [1.0, 1.0], (Converged, 1, 0)),
         ("a row becomes independent: b leaves range(H)", ones, one, [1.0, 0.0], (IterationLimit, 50, 49)),
