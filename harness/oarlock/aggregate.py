@@ -91,7 +91,7 @@ class Verdict:
 
 
 def judge(case: Case, rows: list[dict[str, Any]]) -> list[Verdict]:
-    """Holds every gate of a case against every run it picks.
+    """Holds every gate of a case against every run it picks; a gate that picks none is not checked.
 
     Raises:
         InputError: a gate names a figure or a key that no summary has.

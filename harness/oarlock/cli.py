@@ -1,0 +1,204 @@
+"""The command ``oarlock``. Exit status: 0 all gates held, 1 a gate failed, 2 bad input, 130 interrupted."""
+
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as Bar
+from rich.table import Table
+
+from oarlock._core import InputError as CoreInputError
+from oarlock.errors import one_line
+from oarlock.results import write_text
+from oarlock.run import Progress, Results
+from oarlock.run import run as run_model
+
+GATE_FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+
+app = typer.Typer(
+    help="Cross-validates closed-chain MuJoCo models: exact constraint multipliers against MuJoCo, step by step.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    add_completion=False,
+)
+
+JsonOption = Annotated[
+    str | None, typer.Option("--json", metavar="FILE|-", help="Write the summary as JSON; - is standard output.")
+]
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+def _emit_json(document: Any, target: str) -> None:
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    else:
+        write_text(Path(target), text)
+
+
+class _BarProgress(Progress):
+    """A progress bar on standard error, and a line a finished run."""
+
+    def __init__(self, bar: Bar):
+        self._bar = bar
+        self._task = bar.add_task("running", total=None)
+
+    def begin(self, steps: int) -> None:
+        self._bar.update(self._task, total=steps)
+
+    def advance(self, steps: int) -> None:
+        self._bar.advance(self._task, steps)
+
+    def finished(self, row: dict[str, Any]) -> None:
+        note = "" if row["status"] == "done" else f"  [{row['status']}: {_ending(row)}]"
+        self._bar.console.print(f"  {row['run']}{note}", highlight=False, markup=False)
+
+
+def _ending(row: dict[str, Any]) -> str:
+    return row["message"] or f"{row['unconverged']} of {row['solves']} solves did not converge"
+
+
+_COLUMNS = {
+    "run": "run",
+    "status": "status",
+    "iterations_mean": "iterations",
+    "min_norm_error_max": "min-norm error",
+    "qacc_rel_diff_max": "qacc diff",
+    "drift_pos_max": "drift",
+    "truth_error_max": "truth error",
+}
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _print_summary(results: Results) -> None:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in _COLUMNS.values():
+        table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
+    for row in results.rows:
+        table.add_row(*(_cell(row[name]) for name in _COLUMNS))
+    # Without a terminal a table must not be cut to the width of one.
+    console = Console() if sys.stdout.isatty() else Console(width=200)
+    console.print(table)
+
+
+@app.command("list")
+def list_models(
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON on standard output.")] = False,
+) -> None:
+    """The models that come with oarlock."""
+    from oarlock.catalogue import catalogue
+
+    entries = catalogue()
+    if as_json:
+        _emit_json(entries, "-")
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    names = ["name", "title", "nq", "nv", "rows", "rank", "redundancy", "dof", "reference", "tags"]
+    for name in names:
+        table.add_column(name, no_wrap=True)
+    for entry in entries:
+        table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else _cell(v) for name in names))
+    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+
+
+@app.command()
+def run(
+    model: Annotated[str, typer.Argument(metavar="MODEL|FILE.xml", help="A model's name, or any MJCF file.")],
+    solver: Annotated[
+        list[str] | None, typer.Option(metavar="NAME[:key=value,…]", help="Solver; may be repeated.")
+    ] = None,
+    form: Annotated[str | None, typer.Option(help="matched, hard or both.")] = None,
+    mode: Annotated[str | None, typer.Option(help="lockstep, one-step, free or all.")] = None,
+    walker: Annotated[str | None, typer.Option(help="Who walks in lockstep: mujoco or a solver.")] = None,
+    integrator: Annotated[str | None, typer.Option(help="euler, implicit, implicitfast or rk4.")] = None,
+    timestep: Annotated[float | None, typer.Option(metavar="S", help="Timestep in s.")] = None,
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Duration in s.")] = None,
+    rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the solvers that have one.")] = None,
+    stepping: Annotated[str, typer.Option(help="auto or python: the path that steps with our forces.")] = "auto",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the tables [default: results/MODEL].")
+    ] = None,
+    as_json: JsonOption = None,
+) -> None:
+    """Runs a model's comparison. With none of the options before --timestep it runs the experiments of its case."""
+    from oarlock.cases import load_case
+    from oarlock.errors import choose
+
+    choose("stepping", stepping, ["auto", "python"])
+    folder = out or Path("results") / load_case(model).name
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        results = run_model(
+            model,
+            solver=solver or (),
+            form=form,
+            mode=mode,
+            walker=walker,
+            integrator=integrator,
+            timestep_s=timestep,
+            duration_s=duration,
+            rtol=rtol,
+            out=folder,
+            progress=_BarProgress(bar) if console.is_terminal else None,
+        )
+    if as_json:
+        _emit_json(results.document(), as_json)
+    if as_json != "-":
+        _print_summary(results)
+    for row in results.rows:
+        if row["status"] != "done":
+            _say(f"oarlock: run {row['run']} {row['status']}: {_ending(row)}")
+    for verdict in results.failures:
+        _say(f"oarlock: gate failed: {verdict.line()}")
+    unchecked = sum(verdict.held is None for verdict in results.verdicts)
+    if unchecked:
+        _say(f"oarlock: {unchecked} gate(s) of the case not checked: no run at the case's own timestep and duration")
+    if results.failures:
+        raise typer.Exit(GATE_FAILED)
+
+
+@app.command()
+def report(
+    results: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that 'oarlock run --out' wrote.")],
+    to: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report [default: DIR/report].")] = None,
+) -> None:
+    """Writes the report of a folder of results: Markdown with SVG figures, and one self-contained HTML page."""
+    from oarlock.report import write_report
+
+    target = write_report(results, to or results / "report")
+    print(target / "README.md")
+
+
+def main() -> None:
+    """Runs the command: a user's mistake is one line on standard error, never a traceback."""
+    try:
+        app(standalone_mode=True)
+    except CoreInputError as error:
+        _say(f"oarlock: {one_line(error)}")
+        sys.exit(BAD_INPUT)
+    except BrokenPipeError:
+        # The reader has gone: nothing is left to say, not even on closing.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(BAD_INPUT)
+    except OSError as error:
+        _say(f"oarlock: {one_line(error)}")
+        sys.exit(BAD_INPUT)
+    except KeyboardInterrupt:
+        _say("oarlock: interrupted; the runs that were finished are kept")
+        sys.exit(INTERRUPTED)

@@ -1,0 +1,206 @@
+"""Figures of a report, as Altair charts: pure functions of the tables."""
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import altair as alt
+import numpy as np
+import polars as pl
+
+WIDTH, HEIGHT = 720, 180
+SAMPLES = 400
+"""Points of a curve. More would make the files large and show nothing new at this width."""
+
+COLOURS = {
+    "MuJoCo default": "#d95f02",
+    "MuJoCo stiff": "#e6ab02",
+    "exact (pinv)": "#1f78b4",
+    "exact (sr1)": "#6a3d9a",
+    "truth": "#333333",
+}
+_SPARE = ["#1b9e77", "#e7298a", "#66a61e", "#a6761d"]
+
+
+def _colour(names: Iterable[str], title: str | None = None) -> alt.Color:
+    domain = list(dict.fromkeys(names))
+    spare = iter(_SPARE * len(domain))
+    colours = [COLOURS.get(name) or next(spare) for name in domain]
+    return alt.Color("who:N", title=title, scale=alt.Scale(domain=domain, range=colours), legend=alt.Legend(orient="top"))
+
+
+def _log_axis(values: Iterable[float], title: str) -> alt.Y:
+    """A logarithmic axis that labels powers of ten, over the data and at least two decades."""
+    positive = [v for v in values if v and v > 0 and math.isfinite(v)]
+    low = math.floor(math.log10(min(positive))) if positive else -1
+    high = math.ceil(math.log10(max(positive))) if positive else 1
+    high = max(high, low + 2)
+    every = max(1, math.ceil((high - low) / 7))
+    ticks = [10.0**power for power in range(low, high + 1, every)]
+    scale = alt.Scale(type="log", domain=[10.0**low, 10.0**high], nice=False, clamp=True)
+    return alt.Y("value:Q", title=title, scale=scale, axis=alt.Axis(values=ticks, format=".0e"))
+
+
+def _time_axis() -> alt.X:
+    return alt.X("time:Q", title="time (s)", axis=alt.Axis(grid=False))
+
+
+def envelope(time: np.ndarray, values: np.ndarray, samples: int = SAMPLES) -> pl.DataFrame:
+    """The largest magnitude in each of ``samples`` equal parts of the run: no peak is lost."""
+    edges = np.linspace(0, len(time), min(samples, len(time)) + 1).astype(int)[:-1]
+    return pl.DataFrame({"time": np.round(time[edges], 9), "value": np.maximum.reduceat(np.abs(values), edges)})
+
+
+def sampled(time: np.ndarray, values: np.ndarray, samples: int = SAMPLES) -> pl.DataFrame:
+    """Values at equally spaced steps, the first and last included: for smooth curves."""
+    index = np.unique(np.linspace(0, len(time) - 1, min(samples, len(time))).astype(int))
+    return pl.DataFrame({"time": np.round(time[index], 9), "value": values[index]})
+
+
+def _significant(frame: pl.DataFrame) -> pl.DataFrame:
+    """Six digits are more than a figure shows, and keep its file the same when the last bit moves."""
+    return frame.with_columns(pl.col("value").round_sig_figs(6))
+
+
+def columns_of(steps: pl.DataFrame, name: str) -> np.ndarray:
+    """A list column as an array (steps, entries); rows of another length than the first are NaN."""
+    lists = steps[name].to_list()
+    width = len(lists[0]) if lists and lists[0] is not None else 0
+    blank = [math.nan] * width
+    return np.array([entry if entry is not None and len(entry) == width else blank for entry in lists], dtype=float)
+
+
+def angles(runs: dict[str, pl.DataFrame], joints: list[str]) -> alt.TopLevelMixin:
+    """Joint positions over time, a panel a joint; joints that move as an earlier one are left out."""
+    paths = {who: columns_of(steps, "qpos") for who, steps in runs.items()}
+    first = next(iter(paths.values()))
+    shown: list[int] = []
+    for joint in range(min(first.shape[1], len(joints))):
+        if not any(np.allclose(first[:, joint], first[:, other], atol=1e-3) for other in shown):
+            shown.append(joint)
+    panels = []
+    for joint in shown:
+        frame = pl.concat(
+            _significant(sampled(runs[who]["time_s"].to_numpy(), path[:, joint])).with_columns(who=pl.lit(who))
+            for who, path in paths.items()
+        )
+        dash = alt.StrokeDash("who:N", legend=None, scale=alt.Scale(domain=list(runs), range=[[1, 0], [7, 5], [2, 4]]))
+        panels.append(
+            alt.Chart(frame, title=joints[joint])
+            .mark_line(strokeWidth=2)
+            .encode(x=_time_axis(), y=alt.Y("value:Q", title="rad or m"), color=_colour(runs), strokeDash=dash)
+            .properties(width=WIDTH, height=110)
+        )
+    return alt.vconcat(*panels)
+
+
+def over_time(runs: dict[str, pl.DataFrame], column: str, title: str, rule: float | None = None) -> alt.TopLevelMixin:
+    """A figure of the steps over time on a logarithmic axis; its envelope, so that no peak is lost."""
+    frames = []
+    for who, steps in runs.items():
+        kept = steps.filter(pl.col(column).is_not_null())
+        if len(kept):
+            frame = envelope(kept["time_s"].to_numpy(), kept[column].to_numpy())
+            frames.append(_significant(frame).filter(pl.col("value") > 0).with_columns(who=pl.lit(who)))
+    frame = pl.concat(frames)
+    y = _log_axis([*frame["value"], rule or math.nan], title)
+    chart = alt.Chart(frame).mark_line(strokeWidth=1.5).encode(x=_time_axis(), y=y, color=_colour(runs))
+    if rule is not None:
+        line = alt.Chart(pl.DataFrame({"value": [rule]})).mark_rule(strokeDash=[4, 4], color="#777").encode(y=y)
+        return (chart + line).properties(width=WIDTH, height=HEIGHT)
+    return chart.properties(width=WIDTH, height=HEIGHT)
+
+
+def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str) -> alt.TopLevelMixin:
+    """Deviations of the first ``rows`` constraint rows, a panel an engine, on one logarithmic axis."""
+    frames = []
+    for who, steps in runs.items():
+        residual = columns_of(steps, "residual")
+        for row in range(min(rows, residual.shape[1])):
+            frame = _significant(envelope(steps["time_s"].to_numpy(), residual[:, row], 250))
+            frames.append(frame.with_columns(who=pl.lit(who), row=pl.lit(f"row {row + 1}")))
+    floor = 1e-16  # below the rounding of a length of 1 m there is nothing to see
+    frame = pl.concat(frames).with_columns(pl.col("value").clip(floor))
+    y = _log_axis(frame["value"], "|deviation| (m or rad)")
+    colour = alt.Color("row:N", title=None, scale=alt.Scale(scheme="dark2"), legend=alt.Legend(orient="top"))
+    panels = [
+        alt.Chart(frame.filter(pl.col("who") == who), title=f"{name}: {who}")
+        .mark_line(strokeWidth=1.3)
+        .encode(x=_time_axis(), y=y, color=colour)
+        .properties(width=WIDTH, height=130)
+        for who in runs
+    ]
+    return alt.vconcat(*panels)
+
+
+def iterations(steps: pl.DataFrame, paper: float | None) -> alt.TopLevelMixin:
+    """Mean iterations of consecutive stretches of the run beside the paper's mean, and how often each count occurred."""
+    time, counts = steps["time_s"].to_numpy(), steps["iterations"].to_numpy().astype(float)
+    edges = np.linspace(0, len(time), min(120, len(time)) + 1).astype(int)
+    means = [counts[a:b].mean() for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    frame = pl.DataFrame({"time": np.round(time[edges[:-1]], 9), "value": np.round(means, 6)})
+    top = max(3.0, float(np.ceil(max(means))))
+    y = alt.Y("value:Q", title="iterations a solve", scale=alt.Scale(domain=[0, top]))
+    line = alt.Chart(frame).mark_line(interpolate="step-after", color=COLOURS["exact (sr1)"]).encode(x=_time_axis(), y=y)
+    if paper is not None:
+        mark = pl.DataFrame({"value": [paper], "text": [f"paper: {paper}"]})
+        rule = alt.Chart(mark).mark_rule(strokeDash=[5, 4], color="#d95f02").encode(y=y)
+        text = (
+            alt.Chart(mark)
+            .mark_text(align="right", dy=-7, color="#d95f02")
+            .encode(y=y, text="text:N", x=alt.value(WIDTH - 180))
+        )
+        line = line + rule + text
+    values, totals = np.unique(counts.astype(int), return_counts=True)
+    histogram = (
+        alt.Chart(pl.DataFrame({"count": [str(v) for v in values], "solves": totals}))
+        .mark_bar(color=COLOURS["exact (sr1)"])
+        .encode(x=alt.X("count:O", title="iterations", axis=alt.Axis(labelAngle=0)), y=alt.Y("solves:Q", title="solves"))
+        .properties(width=120, height=HEIGHT)
+    )
+    return alt.hconcat(line.properties(width=WIDTH - 180, height=HEIGHT), histogram)
+
+
+_VIEW = np.array([[0.80, 0.60, 0.0], [-0.28, 0.37, 0.886]])
+"""Rows: the screen's right and up in world coordinates; a parallel projection with z up."""
+
+
+def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
+    """The mechanism at its start, with the traces that the anchors of its loops run along."""
+
+    def project(points: list[list[float]]) -> np.ndarray:
+        return np.round(np.array(points, dtype=float).reshape(-1, 3) @ _VIEW.T, 5)
+
+    links, hubs = [], []
+    for body in sketch["bodies"]:
+        hub = project([body["hub"]])[0]
+        hubs.append({"u": hub[0], "v": hub[1], "what": "joint on the ground" if body["grounded"] else "joint"})
+        for point in project(body["points"]):
+            links.append({"u": hub[0], "v": hub[1], "u2": point[0], "v2": point[1], "body": body["name"]})
+    anchors = [{"u": p[0], "v": p[1], "what": "loop closed here"} for p in project(sketch["anchors"])]
+    trace = [
+        {"u": p[0], "v": p[1], "order": order, "trace": str(number)}
+        for number, points in enumerate(sketch["traces"])
+        for order, p in enumerate(project(points))
+    ]
+    everything = np.array([(p["u"], p["v"]) for p in [*hubs, *anchors, *trace]] + [(k["u2"], k["v2"]) for k in links])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    margin = 0.05 * float((high - low).max() or 1.0)
+    span = high - low + 2 * margin
+    width = 520.0
+    height = float(np.clip(width * span[1] / span[0], 120.0, 520.0))
+    x = alt.X("u:Q", axis=None, scale=alt.Scale(domain=[low[0] - margin, high[0] + margin], nice=False))
+    y = alt.Y("v:Q", axis=None, scale=alt.Scale(domain=[low[1] - margin, high[1] + margin], nice=False))
+    layers = []
+    if trace:
+        path = alt.Chart(pl.DataFrame(trace)).mark_line(color="#999", strokeDash=[3, 3], strokeWidth=1)
+        layers.append(path.encode(x=x, y=y, order="order:Q", detail="trace:N"))
+    if links:
+        bodies = alt.Color("body:N", title=None, scale=alt.Scale(scheme="dark2"), legend=alt.Legend(orient="top"))
+        rule = alt.Chart(pl.DataFrame(links)).mark_rule(strokeWidth=5, strokeCap="round", opacity=0.85)
+        layers.append(rule.encode(x=x, y=y, x2="u2:Q", y2="v2:Q", color=bodies))
+    marks = alt.Chart(pl.DataFrame([*hubs, *anchors])).mark_point(filled=True, size=80, opacity=1)
+    kinds = ["joint on the ground", "joint", "loop closed here"]
+    shape = alt.Shape("what:N", title=None, scale=alt.Scale(domain=kinds, range=["triangle-up", "circle", "diamond"]))
+    layers.append(marks.encode(x=x, y=y, shape=shape, color=alt.value("#222")))
+    return alt.layer(*layers).resolve_scale(color="independent").properties(width=width, height=height)

@@ -1,0 +1,230 @@
+"""The report: a pure function of a folder of results.
+
+The tracked part (README.md and the SVG figures) holds physical figures and what they were computed from. Timings, date
+and commit go to ``timings.json``, ``provenance.json`` and the HTML page, which are not tracked, so that regenerating a
+report on the same machine and versions leaves the tracked files as they were.
+"""
+
+import json
+import os
+import re
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import altair as alt
+import jinja2
+import vl_convert
+from markdown_it import MarkdownIt
+
+from oarlock import figures
+from oarlock.aggregate import TIMING_FIGURES
+from oarlock.errors import InputError
+from oarlock.results import ResultFolder
+
+OCCASION = ("commit", "date", "cores", "kernel")
+"""Provenance that differs from one occasion to the next."""
+
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.PackageLoader("oarlock"),
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+    undefined=jinja2.StrictUndefined,
+)
+_ESCAPING = _TEMPLATES.overlay(autoescape=True)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A chart with its file name and its caption."""
+
+    name: str
+    caption: str
+    chart: alt.TopLevelMixin
+
+
+class Tables:
+    """The results of a folder, as the template and the figures ask for them."""
+
+    def __init__(self, folder: ResultFolder):
+        self.folder = folder
+        self.case = folder.read_json("case.json")
+        self.sketch = folder.read_json("sketch.json")
+        summary = folder.read_json("summary.json")
+        self.rows: list[dict[str, Any]] = summary["runs"]
+        self.gates: list[dict[str, Any]] = summary["gates"]
+        self.provenance: dict[str, Any] = summary["provenance"]
+        if not self.rows:
+            raise InputError(f"'{folder.path}' holds no finished run, expected at least one")
+
+    def pick(self, **where: str) -> dict[str, Any] | None:
+        """The first run that has these values; of several integrators the case's own comes first."""
+        own = self.case["run"]["integrator"]
+        found = [row for row in self.rows if all(row[key] == value for key, value in where.items())]
+        return min(found, key=lambda row: row["integrator"] != own, default=None)
+
+    def all(self, **where: str) -> list[dict[str, Any]]:
+        """Every run that has these values."""
+        return [row for row in self.rows if all(row[key] == value for key, value in where.items())]
+
+    def free_runs(self) -> dict[str, dict[str, Any]]:
+        """The free runs that figures compare: MuJoCo default, MuJoCo stiff, exact; those there are."""
+        candidates = {
+            "MuJoCo default": self.pick(mode="free", solver="mujoco", settings="default"),
+            "MuJoCo stiff": self.pick(mode="free", solver="mujoco", settings="stiff"),
+            "exact (pinv)": self.pick(mode="free", solver="pinv", form="hard"),
+        }
+        return {who: row for who, row in candidates.items() if row is not None}
+
+    def steps(self, row: dict[str, Any]):
+        """The steps of a run."""
+        return self.folder.read_steps(row["run"])
+
+
+def draw(tables: Tables) -> list[Figure]:
+    """The figures that the runs of a folder allow."""
+    drawn = [
+        Figure(
+            "mechanism",
+            "The mechanism at its start, from its kinematics; dashed: the paths of the points where its loops close.",
+            figures.mechanism(tables.sketch),
+        )
+    ]
+    free = {who: tables.steps(row) for who, row in tables.free_runs().items()}
+    pair = {who: free[who] for who in ("MuJoCo default", "exact (pinv)") if who in free}
+    if pair:
+        caption = "Joint positions over time. Where the curves lie on one another, the next figure tells them apart."
+        drawn.append(Figure("angles", caption, figures.angles(pair, tables.case["model"]["joints"])))
+    if free and tables.case["truth"]:
+        chart = figures.over_time(free, "truth_error", f"|{tables.case['truth']['joint']} − truth|")
+        drawn.append(Figure("truth", "Distance from the outside truth.", chart))
+    if free:
+        equality = tables.case["model"]["equalities"][0]
+        chart = figures.deviations(free, 3, equality["name"])
+        caption = f"Deviations of the constraint rows of '{equality['name']}': how far the loop stands open."
+        drawn.append(Figure("deviations", caption, chart))
+    iterating = tables.pick(mode="lockstep", form="hard", walker="pinv", solver="sr1")
+    if iterating:
+        steps = tables.steps(iterating)
+        paper = (tables.case["paper"] or {}).get("iterations_mean")
+        caption = "Iterations of sr1 along the exact trajectory, one solve a step: means of stretches, and all counts."
+        drawn.append(Figure("iterations", caption, figures.iterations(steps, paper)))
+        caption = "Distance of sr1's multipliers from the minimum-norm ones, relative, at the same states."
+        chart = figures.over_time({"exact (sr1)": steps}, "min_norm_error", "‖λ − A⁺b‖ / ‖A⁺b‖")
+        drawn.append(Figure("min_norm", caption, chart))
+    return drawn
+
+
+def number(value: Any, unit: str = "") -> str:
+    """A figure for reading: three significant digits, a dash for what does not apply."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        text = f"{value:,}".replace(",", " ")
+    elif value == 0:
+        text = "0"
+    else:
+        text = f"{value:.3f}" if 0.01 <= abs(value) < 1000 else f"{value:.2e}"
+    return f"{text} {unit}".rstrip()
+
+
+_TEMPLATES.filters["number"] = number
+
+
+def _cell(value: Any) -> str:
+    """Text that stays inside its cell of a Markdown table."""
+    return re.sub(r"([|<>])", r"\\\1", str(value))
+
+
+_TEMPLATES.filters["cell"] = _cell
+
+
+def markdown(tables: Tables, drawn: list[Figure]) -> str:
+    """The tracked page."""
+    inputs = {key: value for key, value in tables.provenance.items() if key not in OCCASION}
+    return _TEMPLATES.get_template("report.md.j2").render(
+        tables=tables,
+        case=tables.case,
+        model=tables.case["model"],
+        figures={figure.name: figure for figure in drawn},
+        inputs=inputs,
+    )
+
+
+def html(tables: Tables, text: str, drawn: list[Figure]) -> str:
+    """The same page with interactive figures, timings and the occasion, in one file without outside references."""
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+
+    def figure(self: Any, tokens: Any, index: int, options: Any, env: Any) -> str:
+        name = Path(str(tokens[index].attrs["src"])).stem
+        return f'<span class="chart" id="chart-{name}"></span>'
+
+    parser.add_render_rule("image", figure)
+    specs = {figure.name: json.loads(figure.chart.to_json()) for figure in drawn}
+    return _ESCAPING.get_template("page.html.j2").render(
+        title=tables.case["title"],
+        body=parser.render(text),
+        specs=json.dumps(specs, ensure_ascii=False).replace("</", "<\\/"),
+        library=vl_convert.javascript_bundle().replace("</script", "<\\/script"),
+        timings=timings(tables)["runs"],
+        occasion={key: tables.provenance.get(key) for key in OCCASION},
+    )
+
+
+def timings(tables: Tables) -> dict[str, Any]:
+    """What changes from run to run."""
+    runs = [{"run": row["run"], **{name: row[name] for name in TIMING_FIGURES}} for row in tables.rows]
+    return {"runs": runs}
+
+
+def write_report(results: Path, target: Path) -> Path:
+    """Writes README.md, figures/*.svg, index.html, timings.json and provenance.json.
+
+    The folder is made whole under a temporary name and then takes the place of the old one: an interruption leaves
+    the old report or the new one, never a mixture.
+
+    Raises:
+        InputError: the results are missing or not whole, or the target cannot be written or is not a report.
+    """
+    tables = Tables(ResultFolder(results))
+    if target.exists() and not (target / "README.md").is_file() and any(target.iterdir()):
+        raise InputError(f"'{target}' is not empty and holds no report, expected a new folder or an old report")
+    drawn = draw(tables)
+    text = markdown(tables, drawn)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        try:
+            _write(temporary, tables, text, drawn)
+            temporary.chmod(0o755)
+            _replace(target, temporary)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+    except OSError as error:
+        raise InputError(f"cannot write the report to '{target}': {error.strerror or error}") from None
+    return target
+
+
+def _write(folder: Path, tables: Tables, text: str, drawn: list[Figure]) -> None:
+    (folder / "figures").mkdir()
+    for figure in drawn:
+        svg = vl_convert.vegalite_to_svg(figure.chart.to_json())
+        (folder / "figures" / f"{figure.name}.svg").write_text(svg, encoding="utf-8")
+    (folder / "README.md").write_text(text, encoding="utf-8")
+    (folder / "index.html").write_text(html(tables, text, drawn), encoding="utf-8")
+    for name, content in (("timings.json", timings(tables)), ("provenance.json", tables.provenance)):
+        (folder / name).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def _replace(target: Path, new: Path) -> None:
+    old = target.with_name(f".{target.name}.old")
+    shutil.rmtree(old, ignore_errors=True)
+    if target.exists():
+        os.replace(target, old)
+    os.replace(new, target)
+    shutil.rmtree(old, ignore_errors=True)
