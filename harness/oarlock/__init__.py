@@ -8,10 +8,20 @@
     >>> results.summary, results.steps
 """
 
-from oarlock._core import VERSION as __version__
-from oarlock._core import make_solver, solvers
+from oarlock._core import VERSION, make_solver, solvers
 from oarlock.cases import load_case, model_names
 from oarlock.errors import InputError
 from oarlock.run import Results, run
 
-__all__ = ["InputError", "Results", "__version__", "load_case", "make_solver", "model_names", "run", "solvers"]
+__version__ = VERSION
+
+__all__ = [
+    "InputError",
+    "Results",
+    "__version__",
+    "load_case",
+    "make_solver",
+    "model_names",
+    "run",
+    "solvers",
+]

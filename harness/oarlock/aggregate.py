@@ -4,6 +4,7 @@ import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
 import polars as pl
 
 from oarlock.cases import Case, Gate
@@ -33,16 +34,17 @@ def summarise(result: RunResult) -> dict[str, Any]:
     """
     steps, key = result.steps, result.key
     row: dict[str, Any] = {"run": key.slug, **asdict(key)}
-    solves = steps["solves"].sum() or 0
-    iterates = steps["iterations"].sum() if solves else None
+    solves = int(steps["solves"].sum() or 0)
+    iterates = int(steps["iterations"].sum() or 0)
     refreshes = None
     if steps["refreshes"].null_count() < len(steps):
         refreshes = int(steps["refreshes"].sum()) - int((steps["refreshes"][0] or 0) > 0)
     energy_drift = None
     kinetic = steps["kinetic_energy"].max()
     if kinetic:
-        energy_drift = (steps["energy"] - steps["energy"][0]).abs().max() / kinetic
-    solve_ns = (steps["solve_ns"] / steps["solves"]).median()
+        energy = steps["energy"].to_numpy()
+        energy_drift = float(np.abs(energy - energy[0]).max() / steps["kinetic_energy"].to_numpy().max())
+    solve_ns = steps.select(pl.col("solve_ns") / pl.col("solves")).to_series().median()
     row.update(
         status=result.status,
         message=result.message,
@@ -84,7 +86,10 @@ class Verdict:
 
     def line(self) -> str:
         """One line with figure and limit."""
-        bounds = [f"≥ {self.gate.min:g}" if self.gate.min is not None else "", f"≤ {self.gate.max:g}" if self.gate.max is not None else ""]
+        bounds = [
+            f"≥ {self.gate.min:g}" if self.gate.min is not None else "",
+            f"≤ {self.gate.max:g}" if self.gate.max is not None else "",
+        ]
         limit = " and ".join(bound for bound in bounds if bound)
         value = "not measured" if self.value is None else f"{self.value:.4g}"
         return f"{self.gate.figure} = {value} of {self.run or 'no run'}, expected {limit} ({self.gate.cause})"
@@ -101,7 +106,9 @@ def judge(case: Case, rows: list[dict[str, Any]]) -> list[Verdict]:
         if rows:
             unknown = [name for name in (gate.figure, *gate.where) if name not in rows[0]]
             if unknown:
-                raise InputError(f"gate of case '{case.name}' names '{unknown[0]}', expected one of: {', '.join(rows[0])}")
+                raise InputError(
+                    f"gate of case '{case.name}' names '{unknown[0]}', expected one of: {', '.join(rows[0])}"
+                )
         picked = [row for row in rows if all(str(row[k]) == v for k, v in gate.where.items())]
         if not picked:
             verdicts.append(Verdict(gate, None, None, None))

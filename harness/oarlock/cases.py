@@ -218,7 +218,9 @@ def load_case(model: str | Path) -> Case:
         return Case(path.stem, path, CaseFile(title=path.stem))
     folder = MODELS / model if str(model) in model_names() else path
     if not (folder / "case.toml").is_file():
-        raise InputError(f"unknown model '{model}', expected one of: {', '.join(model_names())}; or a path to an MJCF file")
+        raise InputError(
+            f"unknown model '{model}', expected one of: {', '.join(model_names())}; or a path to an MJCF file"
+        )
     return Case(folder.resolve().name, folder / "model.xml", read_case_file(folder / "case.toml"))
 
 

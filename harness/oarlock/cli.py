@@ -29,7 +29,8 @@ app = typer.Typer(
 )
 
 JsonOption = Annotated[
-    str | None, typer.Option("--json", metavar="FILE|-", help="Write the summary as JSON; - is standard output.")
+    str | None,
+    typer.Option("--json", metavar="FILE|-", help="Write the summary as JSON; - is standard output."),
 ]
 
 

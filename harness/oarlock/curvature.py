@@ -4,13 +4,41 @@ For a connect the rows are p₁ − p₂, so J̇v = (J̇₁ − J̇₂) v with t
 ``mj_jacDot`` gives exactly.
 """
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 
 from oarlock.errors import InputError
-from oarlock.mechanism import equalities
+from oarlock.mechanism import Equality, equalities
 
 _CONNECT_ROWS = 3
+
+
+@dataclass(frozen=True)
+class _Anchor:
+    """One end of a connect: a site, or a point of a body in its own frame."""
+
+    body: int
+    site: int | None
+    offset: np.ndarray
+
+    def point(self, data: mujoco.MjData) -> np.ndarray:
+        """In world coordinates, m."""
+        if self.site is not None:
+            return data.site_xpos[self.site]
+        return data.xpos[self.body] + data.xmat[self.body].reshape(3, 3) @ self.offset
+
+
+def _anchors(model: mujoco.MjModel, equality: Equality) -> tuple[_Anchor, _Anchor]:
+    index = equality.index
+    by_site = model.eq_objtype[index] == mujoco.mjtObj.mjOBJ_SITE
+    sites = (int(model.eq_obj1id[index]), int(model.eq_obj2id[index])) if by_site else (None, None)
+    first, second = (
+        _Anchor(body, site, model.eq_data[index, 3 * end : 3 * end + 3].copy())
+        for end, (body, site) in enumerate(zip(equality.bodies, sites, strict=True))
+    )
+    return first, second
 
 
 class Curvature:
@@ -22,42 +50,24 @@ class Curvature:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
         self._model = model
-        self._rate1 = np.zeros((3, model.nv))
-        self._rate2 = np.zeros((3, model.nv))
-        other = [e for e in equalities(model) if e.kind != "connect" and data.eq_active[e.index]]
-        if other:
-            raise InputError(
-                f"equality '{other[0].name}' is a {other[0].kind}, expected connects only: "
-                "J̇v of other kinds is not known yet"
-            )
-        self._anchors = [self._anchor_pair(e.index, e.bodies) for e in equalities(model)]
-        self._order: bytes | None = None
-        self._blocks: list[int] = []
-
-    def _anchor_pair(self, index: int, bodies: tuple[int, int]):
-        model = self._model
-        if model.eq_objtype[index] == mujoco.mjtObj.mjOBJ_SITE:
-            sites = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
-            return bodies, sites, None
-        return bodies, None, (model.eq_data[index, 0:3].copy(), model.eq_data[index, 3:6].copy())
+        self._rates = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        active = [equality for equality in equalities(model) if data.eq_active[equality.index]]
+        for equality in active:
+            if equality.kind != "connect":
+                raise InputError(
+                    f"equality '{equality.name}' is a {equality.kind}, expected connects only: "
+                    "J̇v of other kinds is not known yet"
+                )
+        self._anchors = {equality.index: _anchors(model, equality) for equality in active}
 
     def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
         """Writes J̇v (ne, m/s²) of a state whose position and velocity stages are done."""
-        ids = data.efc_id[: data.ne]
-        if ids.tobytes() != self._order:
-            self._order = ids.tobytes()
-            self._blocks = [int(i) for i in ids[::_CONNECT_ROWS]]
-        for block, index in enumerate(self._blocks):
-            (body1, body2), sites, offsets = self._anchors[index]
-            if sites is not None:
-                point1, point2 = data.site_xpos[sites[0]], data.site_xpos[sites[1]]
-            else:
-                point1 = data.xpos[body1] + data.xmat[body1].reshape(3, 3) @ offsets[0]
-                point2 = data.xpos[body2] + data.xmat[body2].reshape(3, 3) @ offsets[1]
-            mujoco.mj_jacDot(self._model, data, self._rate1, None, point1, body1)
-            mujoco.mj_jacDot(self._model, data, self._rate2, None, point2, body2)
-            start = _CONNECT_ROWS * block
-            np.matmul(self._rate1 - self._rate2, data.qvel, out=out[start : start + _CONNECT_ROWS])
+        rate1, rate2 = self._rates
+        for start in range(0, data.ne, _CONNECT_ROWS):
+            anchor1, anchor2 = self._anchors[int(data.efc_id[start])]
+            mujoco.mj_jacDot(self._model, data, rate1, None, anchor1.point(data), anchor1.body)
+            mujoco.mj_jacDot(self._model, data, rate2, None, anchor2.point(data), anchor2.body)
+            np.matmul(rate1 - rate2, data.qvel, out=out[start : start + _CONNECT_ROWS])
 
 
 def curvature_from_reference(data: mujoco.MjData) -> np.ndarray:

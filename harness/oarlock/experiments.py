@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import polars as pl
 
 from oarlock._core import InputError as CoreInputError
 from oarlock.cases import Case, Form, Integrator, Mode
@@ -17,7 +18,7 @@ from oarlock.errors import InputError, choose, one_line
 from oarlock.mechanism import load_mechanism
 from oarlock.metrics import Energy, against_mujoco, drift, largest, solving
 from oarlock.results import Recorder, RunKey, RunResult
-from oarlock.solvers import MUJOCO, REFERENCE, Answer, Question, SolvedForce, SolverSpec
+from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
 from oarlock.start import ConsistentStart, consistent_start
 from oarlock.state import State
 from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker
@@ -55,13 +56,15 @@ class Setup:
         self.start: ConsistentStart = consistent_start(self.model, case)
         self.timestep_s = float(self.model.opt.timestep)
         self.steps = max(1, round(duration_s / self.timestep_s))
-        self._true_path: np.ndarray | None = None
+        self.truth: pl.DataFrame | None = None
         truth = load_truth(case)
         if truth is not None:
             joints = [self.model.joint(index).name for index in range(self.model.njnt)]
             joint = joints.index(choose(f"joint in [truth] of case '{case.name}'", truth.joint, joints))
             self._true_address = int(self.model.jnt_qposadr[joint])
-            self._true_path = truth.position(np.arange(self.steps) * self.timestep_s)
+            times = np.arange(self.steps) * self.timestep_s
+            self.truth = pl.DataFrame({"time_s": times, "position": truth.position(times)})
+            self._true_path = self.truth["position"].to_numpy()
 
     def data(self) -> mujoco.MjData:
         """A fresh data at the start."""
@@ -71,7 +74,7 @@ class Setup:
 
     def truth_error(self, step: int, data: mujoco.MjData) -> float | None:
         """Distance of the joint that the truth knows from where it should be at the start of a step."""
-        if self._true_path is None or not np.isfinite(self._true_path[step]):
+        if self.truth is None or not np.isfinite(self._true_path[step]):
             return None
         return abs(float(data.qpos[self._true_address] - self._true_path[step]))
 
@@ -179,8 +182,10 @@ class Laboratory:
         """From each of MuJoCo's states, one step each: what a single step adds to the difference."""
         data, ours = setup.data(), setup.data()
         state = State(setup.model, ours, self.case.file.baumgarte)
-        recorders = {(form, spec): Recorder() for form in task.forms for spec in task.solvers}
-        forces = {(form, spec): SolvedForce(state, form, self._make(spec)) for form, spec in recorders}
+        recorders: dict[tuple[Form, SolverSpec], Recorder] = {
+            (form, spec): Recorder() for form in task.forms for spec in task.solvers
+        }
+        forces = {key: SolvedForce(state, key[0], self._make(key[1])) for key in recorders}
         walkers = {key: ForcedWalker(setup.model, ours, setup.drive, force) for key, force in forces.items()}
 
         def record(step: int) -> Finish:

@@ -1,5 +1,6 @@
 """Figures of a report, as Altair charts: pure functions of the tables."""
 
+import itertools
 import math
 from collections.abc import Iterable
 from typing import Any
@@ -26,7 +27,9 @@ def _colour(names: Iterable[str], title: str | None = None) -> alt.Color:
     domain = list(dict.fromkeys(names))
     spare = iter(_SPARE * len(domain))
     colours = [COLOURS.get(name) or next(spare) for name in domain]
-    return alt.Color("who:N", title=title, scale=alt.Scale(domain=domain, range=colours), legend=alt.Legend(orient="top"))
+    return alt.Color(
+        "who:N", title=title, scale=alt.Scale(domain=domain, range=colours), legend=alt.Legend(orient="top")
+    )
 
 
 def _log_axis(values: Iterable[float], title: str) -> alt.Y:
@@ -42,7 +45,7 @@ def _log_axis(values: Iterable[float], title: str) -> alt.Y:
 
 
 def _time_axis() -> alt.X:
-    return alt.X("time:Q", title="time (s)", axis=alt.Axis(grid=False))
+    return alt.X("time:Q", title="time (s)", axis=alt.Axis(grid=False, tickCount=12, labelOverlap=True))
 
 
 def envelope(time: np.ndarray, values: np.ndarray, samples: int = SAMPLES) -> pl.DataFrame:
@@ -70,25 +73,38 @@ def columns_of(steps: pl.DataFrame, name: str) -> np.ndarray:
     return np.array([entry if entry is not None and len(entry) == width else blank for entry in lists], dtype=float)
 
 
-def angles(runs: dict[str, pl.DataFrame], joints: list[str]) -> alt.TopLevelMixin:
-    """Joint positions over time, a panel a joint; joints that move as an earlier one are left out."""
+def coordinates(
+    runs: dict[str, pl.DataFrame], names: list[dict[str, str]], truth: tuple[str, pl.DataFrame] | None
+) -> alt.TopLevelMixin:
+    """Coordinates over time, a panel each; coordinates that move as an earlier one are left out.
+
+    ``names`` gives name and unit of every entry of qpos; ``truth`` the name of one of them and its true path.
+    """
     paths = {who: columns_of(steps, "qpos") for who, steps in runs.items()}
     first = next(iter(paths.values()))
     shown: list[int] = []
-    for joint in range(min(first.shape[1], len(joints))):
-        if not any(np.allclose(first[:, joint], first[:, other], atol=1e-3) for other in shown):
-            shown.append(joint)
+    for index in range(first.shape[1]):
+        if not any(np.allclose(first[:, index], first[:, other], atol=1e-3) for other in shown):
+            shown.append(index)
+    legend = [*runs, *(["truth"] if truth else [])]
+    dash = alt.StrokeDash(
+        "who:N", legend=None, scale=alt.Scale(domain=legend, range=[[1, 0], [8, 8], [2, 6]][: len(legend)])
+    )
     panels = []
-    for joint in shown:
-        frame = pl.concat(
-            _significant(sampled(runs[who]["time_s"].to_numpy(), path[:, joint])).with_columns(who=pl.lit(who))
-            for who, path in paths.items()
-        )
-        dash = alt.StrokeDash("who:N", legend=None, scale=alt.Scale(domain=list(runs), range=[[1, 0], [7, 5], [2, 4]]))
+    for index in shown:
+        curves = {who: sampled(runs[who]["time_s"].to_numpy(), path[:, index]) for who, path in paths.items()}
+        if truth and truth[0] == names[index]["name"]:
+            curves["truth"] = sampled(truth[1]["time_s"].to_numpy(), truth[1]["position"].to_numpy())
+        frame = pl.concat(_significant(curve).with_columns(who=pl.lit(who)) for who, curve in curves.items())
         panels.append(
-            alt.Chart(frame, title=joints[joint])
+            alt.Chart(frame, title=names[index]["name"])
             .mark_line(strokeWidth=2)
-            .encode(x=_time_axis(), y=alt.Y("value:Q", title="rad or m"), color=_colour(runs), strokeDash=dash)
+            .encode(
+                x=_time_axis(),
+                y=alt.Y("value:Q", title=names[index]["unit"]),
+                color=_colour(legend),
+                strokeDash=dash,
+            )
             .properties(width=WIDTH, height=110)
         )
     return alt.vconcat(*panels)
@@ -134,14 +150,16 @@ def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str) -> alt.TopLe
 
 
 def iterations(steps: pl.DataFrame, paper: float | None) -> alt.TopLevelMixin:
-    """Mean iterations of consecutive stretches of the run beside the paper's mean, and how often each count occurred."""
+    """Mean iterations of stretches of the run beside the paper's mean, and how often each count occurred."""
     time, counts = steps["time_s"].to_numpy(), steps["iterations"].to_numpy().astype(float)
     edges = np.linspace(0, len(time), min(120, len(time)) + 1).astype(int)
-    means = [counts[a:b].mean() for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    means = [counts[a:b].mean() for a, b in itertools.pairwise(edges)]
     frame = pl.DataFrame({"time": np.round(time[edges[:-1]], 9), "value": np.round(means, 6)})
     top = max(3.0, float(np.ceil(max(means))))
     y = alt.Y("value:Q", title="iterations a solve", scale=alt.Scale(domain=[0, top]))
-    line = alt.Chart(frame).mark_line(interpolate="step-after", color=COLOURS["exact (sr1)"]).encode(x=_time_axis(), y=y)
+    line = (
+        alt.Chart(frame).mark_line(interpolate="step-after", color=COLOURS["exact (sr1)"]).encode(x=_time_axis(), y=y)
+    )
     if paper is not None:
         mark = pl.DataFrame({"value": [paper], "text": [f"paper: {paper}"]})
         rule = alt.Chart(mark).mark_rule(strokeDash=[5, 4], color="#d95f02").encode(y=y)
@@ -155,7 +173,10 @@ def iterations(steps: pl.DataFrame, paper: float | None) -> alt.TopLevelMixin:
     histogram = (
         alt.Chart(pl.DataFrame({"count": [str(v) for v in values], "solves": totals}))
         .mark_bar(color=COLOURS["exact (sr1)"])
-        .encode(x=alt.X("count:O", title="iterations", axis=alt.Axis(labelAngle=0)), y=alt.Y("solves:Q", title="solves"))
+        .encode(
+            x=alt.X("count:O", title="iterations", axis=alt.Axis(labelAngle=0)),
+            y=alt.Y("solves:Q", title="solves"),
+        )
         .properties(width=120, height=HEIGHT)
     )
     return alt.hconcat(line.properties(width=WIDTH - 180, height=HEIGHT), histogram)
@@ -200,7 +221,9 @@ def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
         rule = alt.Chart(pl.DataFrame(links)).mark_rule(strokeWidth=5, strokeCap="round", opacity=0.85)
         layers.append(rule.encode(x=x, y=y, x2="u2:Q", y2="v2:Q", color=bodies))
     marks = alt.Chart(pl.DataFrame([*hubs, *anchors])).mark_point(filled=True, size=80, opacity=1)
-    kinds = ["joint on the ground", "joint", "loop closed here"]
-    shape = alt.Shape("what:N", title=None, scale=alt.Scale(domain=kinds, range=["triangle-up", "circle", "diamond"]))
+    forms = {"joint on the ground": "triangle-up", "joint": "circle", "loop closed here": "diamond"}
+    kinds = [kind for kind in forms if any(mark["what"] == kind for mark in [*hubs, *anchors])]
+    scale = alt.Scale(domain=kinds, range=[forms[kind] for kind in kinds])
+    shape = alt.Shape("what:N", title=None, scale=scale, legend=alt.Legend(orient="top"))
     layers.append(marks.encode(x=x, y=y, shape=shape, color=alt.value("#222")))
     return alt.layer(*layers).resolve_scale(color="independent").properties(width=width, height=height)

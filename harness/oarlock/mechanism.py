@@ -83,6 +83,22 @@ def element_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:
     return mujoco.mj_id2name(model, kind, index) or f"#{index}"
 
 
+def coordinates(model: mujoco.MjModel) -> list[dict[str, str]]:
+    """Name and unit of every entry of qpos: the joint's name, numbered where a joint has several."""
+    entries = []
+    for index in range(model.njnt):
+        name = element_name(model, mujoco.mjtObj.mjOBJ_JOINT, index)
+        kind = mujoco.mjtJoint(model.jnt_type[index])
+        if kind == mujoco.mjtJoint.mjJNT_HINGE:
+            entries.append({"name": name, "unit": "rad"})
+        elif kind == mujoco.mjtJoint.mjJNT_SLIDE:
+            entries.append({"name": name, "unit": "m"})
+        else:
+            lengths = 3 if kind == mujoco.mjtJoint.mjJNT_FREE else 0
+            entries += [{"name": f"{name}[{i}]", "unit": "m" if i < lengths else "–"} for i in range(lengths + 4)]
+    return entries
+
+
 @dataclass(frozen=True)
 class Equality:
     """One equality element, for messages and figures."""

@@ -20,7 +20,7 @@ def largest(values: np.ndarray) -> float:
 
 
 def drift(state: State, qacc: np.ndarray) -> dict[str, float]:
-    """How far the worst row is from closed: position r, velocity J v, acceleration J a + J̇v (m or rad, per s, per s²)."""
+    """How open the worst row is: position r, velocity J v, acceleration J a + J̇v (m or rad, per s, per s²)."""
     return {
         "drift_pos": largest(state.residual),
         "drift_vel": largest(state.rate),

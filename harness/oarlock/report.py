@@ -34,6 +34,7 @@ _TEMPLATES = jinja2.Environment(
     keep_trailing_newline=True,
     undefined=jinja2.StrictUndefined,
 )
+_EMBED = "window.vegaEmbed = vegaEmbed;"
 _ESCAPING = _TEMPLATES.overlay(autoescape=True)
 
 
@@ -96,8 +97,13 @@ def draw(tables: Tables) -> list[Figure]:
     free = {who: tables.steps(row) for who, row in tables.free_runs().items()}
     pair = {who: free[who] for who in ("MuJoCo default", "exact (pinv)") if who in free}
     if pair:
-        caption = "Joint positions over time. Where the curves lie on one another, the next figure tells them apart."
-        drawn.append(Figure("angles", caption, figures.angles(pair, tables.case["model"]["joints"])))
+        truth = (tables.case["truth"]["joint"], tables.folder.read_truth()) if tables.case["truth"] else None
+        chart = figures.coordinates(pair, tables.case["model"]["coordinates"], truth)
+        caption = (
+            "Coordinates over time; those that move as an earlier one are left out. Where the curves lie on one "
+            "another, the next figure tells them apart."
+        )
+        drawn.append(Figure("coordinates", caption, chart))
     if free and tables.case["truth"]:
         chart = figures.over_time(free, "truth_error", f"|{tables.case['truth']['joint']} − truth|")
         drawn.append(Figure("truth", "Distance from the outside truth.", chart))
@@ -126,8 +132,8 @@ def number(value: Any, unit: str = "") -> str:
         return "yes" if value else "no"
     if isinstance(value, int):
         text = f"{value:,}".replace(",", " ")
-    elif value == 0:
-        text = "0"
+    elif value == int(value) and abs(value) < 1000:
+        text = f"{value:.0f}"
     else:
         text = f"{value:.3f}" if 0.01 <= abs(value) < 1000 else f"{value:.2e}"
     return f"{text} {unit}".rstrip()
@@ -170,7 +176,7 @@ def html(tables: Tables, text: str, drawn: list[Figure]) -> str:
         title=tables.case["title"],
         body=parser.render(text),
         specs=json.dumps(specs, ensure_ascii=False).replace("</", "<\\/"),
-        library=vl_convert.javascript_bundle().replace("</script", "<\\/script"),
+        library=vl_convert.javascript_bundle(_EMBED).replace("</script", "<\\/script"),
         timings=timings(tables)["runs"],
         occasion={key: tables.provenance.get(key) for key in OCCASION},
     )

@@ -66,7 +66,12 @@ class RunKey:
     @property
     def slug(self) -> str:
         """A file name that tells the runs of a folder apart."""
-        parts = [self.mode, self.form, f"along-{self.walker}" if self.mode == "lockstep" else None, self.solver]
+        parts = [
+            self.mode,
+            self.form,
+            f"along-{self.walker}" if self.mode == "lockstep" else None,
+            self.solver,
+        ]
         parts += [None if self.settings == "default" else self.settings, self.integrator]
         text = "-".join(part for part in parts if part)
         return re.sub(r"[^A-Za-z0-9.+-]+", "_", text)
@@ -83,7 +88,10 @@ class RunResult:
 
     def table(self) -> pl.DataFrame:
         """The steps with the key in front of every row."""
-        key = [pl.lit(value, dtype=pl.String if value is None else None).alias(name) for name, value in asdict(self.key).items()]
+        key = [
+            pl.lit(value, dtype=pl.String if value is None else None).alias(name)
+            for name, value in asdict(self.key).items()
+        ]
         names = [name for name in SCHEMA if name not in asdict(self.key)]
         return self.steps.select(pl.col("step"), *key, *(pl.col(name) for name in names if name != "step"))
 
@@ -141,6 +149,15 @@ class ResultFolder:
         """Keeps the steps of a finished run."""
         with replacing(self.path / "steps" / f"{result.key.slug}.parquet") as temporary:
             result.table().write_parquet(temporary, compression="zstd")
+
+    def write_truth(self, truth: pl.DataFrame) -> None:
+        """Keeps the outside truth at the times of the steps: time_s, position (rad or m)."""
+        with replacing(self.path / "truth.parquet") as temporary:
+            truth.write_parquet(temporary, compression="zstd")
+
+    def read_truth(self) -> pl.DataFrame:
+        """The outside truth at the times of the steps."""
+        return pl.read_parquet(self.path / "truth.parquet")
 
     def forget_steps_but(self, slugs: list[str]) -> None:
         """Removes the steps of runs that an earlier summary of this folder had and this one has not."""

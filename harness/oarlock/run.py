@@ -13,7 +13,7 @@ from oarlock.aggregate import Verdict, judge, summarise
 from oarlock.cases import Case, Experiment, Form, Gate, Integrator, Mode, load_case
 from oarlock.errors import InputError, choose
 from oarlock.experiments import Laboratory, Setup, Task
-from oarlock.mechanism import equalities
+from oarlock.mechanism import coordinates, equalities
 from oarlock.provenance import inputs, occasion
 from oarlock.results import ResultFolder, RunResult
 from oarlock.sketch import sketch
@@ -87,7 +87,12 @@ class Results:
             "provenance": self.provenance,
             "runs": self.rows,
             "gates": [
-                {**verdict.gate.model_dump(), "run": verdict.run, "value": verdict.value, "held": verdict.held}
+                {
+                    **verdict.gate.model_dump(),
+                    "run": verdict.run,
+                    "value": verdict.value,
+                    "held": verdict.held,
+                }
                 for verdict in self.verdicts
             ],
         }
@@ -243,11 +248,13 @@ class _Keeper:
                 "rank": start.rank,
                 "dof": start.dof,
                 "closing_moved": start.moved,
-                "joints": [setup.model.joint(index).name for index in range(setup.model.njnt)],
+                "coordinates": coordinates(setup.model),
                 "equalities": [asdict(equality) for equality in equalities(setup.model)],
             }
             case = results.case
             folder.write_json("case.json", {"name": case.name, "model": model, **case.file.model_dump()})
+            if setup.truth is not None:
+                folder.write_truth(setup.truth)
 
     def keep(self, result: RunResult) -> None:
         results, folder = self._results, self._folder

@@ -86,7 +86,8 @@ class Question:
     """A λ = b of one state in one form."""
 
     def __init__(self, state: State, form: Form):
-        self.state, self.form = state, form
+        self.state = state
+        self.form: Form = form
         self._system = _core.ConstrainedSystem()
 
     def ask(self) -> None:

@@ -70,7 +70,7 @@ class _Projector:
         softness = np.full(len(wanted), damping) if damping else None
         self._system.assemble(self._mass, jacobian, self._zero, wanted, softness)
         multipliers, info = self._solver.solve_system(self._system)
-        self.rank = info.rank
+        self.rank = info.rank or 0
         return self._system.acceleration(multipliers)[0]
 
 

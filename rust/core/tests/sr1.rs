@@ -13,10 +13,13 @@ use support::{PsdSystem, ROUNDING, SOLVED, assert_within, config, dense, orthono
 /// Stopping test: far above rounding, so that it is met; far below what an unfinished iteration leaves, as a rule.
 const PARAMS: Sr1Params = Sr1Params { eps_abs: 1e-9, guard: 1e-6, max_iterations: 50, rank_cut: 1e-10 };
 
-/// Relative error of H once it has learnt all of a change: it learns from residuals, of which the last may be as
-/// small as `eps_abs` and is known only to rounding, 1e-16 / 1e-9, times condition numbers up to 60 of A.
-/// Worst of 200 000 random cases: 2e-7.
-const LEARNT: f64 = 1e-5;
+/// Relative error of H y = s: a step may be as small as `eps_abs`, and its y is a difference of residuals that are
+/// known to rounding, 1e-16 / 1e-9. Worst of 100 000 random cases: 4e-8.
+const SECANT: f64 = 1e-6;
+
+/// Relative error of H once it has learnt all of a change: that of [`SECANT`], times the condition number of A (≤ 60).
+/// Worst of 100 000 random cases: 9e-6.
+const LEARNT: f64 = 1e-4;
 
 /// A₀ and A₁ = A₀ + F as the paper's theorem supposes: F of either sign with range(F) in range(A₀), and ‖F‖ below the
 /// smallest nonzero eigenvalue of A₀.
@@ -40,6 +43,13 @@ fn changes() -> impl Strategy<Value = Change> {
         let weights = DMatrix::from_diagonal(&DVector::from_vec(weights)) * size;
         let matrix = &before.matrix + &directions * weights * directions.transpose();
         Change { before, matrix, rank: directions.ncols() }
+    })
+}
+
+/// Changes with redundant rows and a b that is not in the range.
+fn contradictions() -> impl Strategy<Value = Change> {
+    changes().prop_filter("rows that contradict one another", |change| {
+        (&change.before.rhs - change.before.consistent_rhs()).norm() > 1e-6
     })
 }
 
@@ -89,11 +99,11 @@ proptest! {
         let first = &inverses[0] * change.before.consistent_rhs();
         for (k, inverse) in inverses.iter().enumerate().skip(1) {
             let image = inverse * &change.matrix;
-            assert_within(&format!("H_{k} y_0 = s_0"), (&image * &first - &first).norm(), LEARNT * first.norm());
+            assert_within(&format!("H_{k} y_0 = s_0"), (&image * &first - &first).norm(), SECANT * first.norm());
             for i in 1..k {
                 let step = &inverses[i] - &inverses[i - 1];
                 let gap = (&image * &step - &step).norm();
-                assert_within(&format!("H_{k} y_{i} = s_{i}"), gap, LEARNT * step.norm());
+                assert_within(&format!("H_{k} y_{i} = s_{i}"), gap, SECANT * step.norm());
             }
         }
     }
@@ -152,11 +162,10 @@ proptest! {
     /// ‖A x − b‖ cannot fall below ‖Nᵀ b‖: a solve that asks for less ends without convergence, with the answer of the
     /// reference, and carries on from a fresh H.
     #[test]
-    fn a_contradiction_ends_without_convergence_and_with_a_fresh_inverse(change in changes()) {
+    fn a_contradiction_ends_without_convergence_and_with_a_fresh_inverse(change in contradictions()) {
         let (system, truth) = (&change.before, change.pseudo_inverse(&change.matrix));
         let (rhs, bad) = (system.consistent_rhs(), &system.rhs);
         let contradiction = (bad - &rhs).norm();
-        prop_assume!(contradiction > 1e-6);
 
         let mut solver = Sr1::new(PARAMS);
         solve(&mut solver, &dense(&system.matrix, &rhs));

@@ -15,8 +15,11 @@ const PARAMS: Sr1Params = Sr1Params { eps_abs: 1e-6, guard: 1e-6, max_iterations
 /// 12 s of the boat at 1 ms, as the paper runs it.
 const BOAT_STEPS: u32 = 12_000;
 
+/// Every so many steps x is compared with the reference; half a stroke, where the oars have turned most, is among them.
+const COMPARED: u32 = 10;
+
 /// The paper says neither its integrator nor its tolerance, and the mean runs from 1.983 to 2.001 as `eps_abs` goes
-/// from 1e-5 to 1e-8: closer agreement than this would be chance.
+/// from 1e-5 to 1e-8: a band narrower than that spread would claim more than is known.
 const PAPER_BAND: f64 = 0.05;
 
 /// The min-norm error of an x that solves A x = b only to `eps_abs`, relative to multipliers of order 10.
@@ -47,11 +50,13 @@ fn the_boat_takes_the_iterations_of_the_paper_and_loses_the_minimum_norm() {
             PARAMS.eps_abs + rounding,
         );
 
-        let minimum = solve(&mut *pinv, &system).0;
-        worst = worst.max((x - &minimum).norm() / minimum.norm());
+        if k % COMPARED == 0 {
+            let minimum = solve(&mut *pinv, &system).0;
+            worst = worst.max((x - &minimum).norm() / minimum.norm());
+        }
     }
     // Frozen; they move with a few roundings of libm or the eigensolver, and are then updated on purpose.
-    assert_eq!((total, most), (23_982, 3));
+    assert_eq!((total, most), (23_984, 3));
     let mean = f64::from(u32::try_from(total).unwrap()) / f64::from(BOAT_STEPS);
     assert_within("mean iterations against the paper", (mean - PAPER_ITERATIONS).abs(), PAPER_BAND);
     // The published shortcoming: range(H) stays where the oars pointed at t = 0, and they turn up to 60° from there.
@@ -64,14 +69,15 @@ type Outcome = (Status, usize, usize);
 
 #[test]
 fn ugly_changes_keep_their_frozen_counts() {
-    use Status::{Converged, IterationLimit};
-    let (one, ones) = ([[1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 1.0]]);
+    use Status::{Breakdown, Converged, IterationLimit};
+    let (one, ones, half) = ([[1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]]);
     let nearly = [[1.0 + 1e-7, 0.0], [0.0, 1.0 - 1e-7]];
-    let cases: [(&str, _, _, _, Outcome); 10] = [
+    let cases: [(&str, _, _, _, Outcome); 11] = [
         ("nothing changes", ones, ones, [1.0, 1.0], (Converged, 0, 0)),
         ("b = 0", ones, one, [0.0, 0.0], (Converged, 0, 0)),
         ("A doubles", one, [[2.0, 0.0], [0.0, 2.0]], [1.0, 3.0], (Converged, 1, 0)),
-        ("A shrinks to 1e-6", one, [[1e-6, 0.0], [0.0, 1e-6]], [1.0, 3.0], (Converged, 1, 0)),
+        ("A shrinks within GROWTH_LIMIT", one, [[0.02, 0.0], [0.0, 0.02]], [1.0, 3.0], (Converged, 1, 0)),
+        ("A shrinks beyond it", one, [[1e-6, 0.0], [0.0, 1e-6]], [1.0, 3.0], (Breakdown, 1, 0)),
         (
             "eigenvalues swap",
             [[2.0, 0.0], [0.0, 1.0]],
@@ -81,8 +87,8 @@ fn ugly_changes_keep_their_frozen_counts() {
         ),
         ("the denominator vanishes", one, nearly, [1e3, 1e3], (Converged, 1, 1)),
         ("a row becomes redundant", one, ones, [1.0, 1.0], (Converged, 1, 0)),
-        ("a row becomes independent: b leaves range(H)", ones, one, [1.0, 0.0], (IterationLimit, 50, 49)),
-        ("the rows contradict one another", ones, ones, [1.0, 0.0], (IterationLimit, 50, 50)),
+        ("a row appears: b leaves range(H)", half, one, [1.0, 1.0], (IterationLimit, 50, 50)),
+        ("a zero row asks for something", half, half, [1.0, 1.0], (IterationLimit, 50, 50)),
         ("A vanishes", one, [[0.0; 2]; 2], [1.0, 1.0], (IterationLimit, 50, 50)),
     ];
     for (name, before, after, rhs, outcome) in cases {
@@ -110,7 +116,11 @@ fn the_iteration_limit_is_kept_and_followed_by_a_refresh() {
             if max_iterations == 4 { (Status::Converged, false) } else { (Status::IterationLimit, true) };
         assert_eq!((info.status, info.iterations, info.refreshed), (status, max_iterations, refreshed));
         let residual = (after.matrix() * x - after.rhs()).norm() / after.rhs().norm();
-        assert_within("x solves, and the reported residual is its own", (info.residual_rel - residual).abs(), ROUNDING);
+        assert_within(
+            "x solves, and the reported residual is its own",
+            (info.residual_rel - residual).abs(),
+            ROUNDING,
+        );
         assert_within("A x = b", residual, PARAMS.eps_abs);
     }
 }
@@ -176,6 +186,10 @@ fn an_overflow_is_a_breakdown_with_a_finite_answer_and_a_fresh_start() {
         let (_, info) = solve(&mut sr1, &huge);
         assert_eq!((info.status, info.refreshed), (Status::Breakdown, true), "H₀ = {start} E");
         let (_, info) = solve(&mut sr1, &huge);
-        assert_eq!((info.status, info.refreshed, info.iterations), (Status::Converged, false, 0), "H₀ = {start} E");
+        assert_eq!(
+            (info.status, info.refreshed, info.iterations),
+            (Status::Converged, false, 0),
+            "H₀ = {start} E"
+        );
     }
 }

@@ -12,15 +12,15 @@ use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 
 /// Relative error of one product or one backward-stable factorisation: n·ε with n ≤ 12, and room for the norms of
-/// intermediate sums. Worst of 40 000 random cases: 5e-15.
+/// intermediate sums. Worst of 100 000 random cases: 6e-15.
 pub const ROUNDING: f64 = 1e-13;
 
 /// Relative error of x = A⁺ b: n·ε times the condition number, which [`psd_systems`] keeps below 60 (12·ε·60 = 2e-13).
-/// Worst of 40 000 random cases: 6e-15.
+/// Worst of 100 000 random cases: 8e-15.
 pub const SOLVED: f64 = 1e-12;
 
 /// Relative error of accelerations and forces: as [`SOLVED`], but the condition number of M (≤ 100) enters as well,
-/// through A = J M⁻¹ Jᵀ and on the way back. Worst of 40 000 random cases: 5e-13.
+/// through A = J M⁻¹ Jᵀ and on the way back. Worst of 100 000 random cases: 8e-13.
 pub const MOVED: f64 = 1e-11;
 
 /// proptest's defaults (256 cases, or `PROPTEST_CASES`); failing cases are kept beside the test file, to be committed.

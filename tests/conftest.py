@@ -1,0 +1,71 @@
+"""Fixtures. The whole case of the boat runs once, beside the other tests, and those that read it come last."""
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+COMMAND = Path(sys.executable).with_name("oarlock")
+WHOLE_CASE = "boat_run"
+
+
+@dataclass(frozen=True)
+class BoatRun:
+    """What ``oarlock run boat`` left: exit status, its two streams, the summary, the folder."""
+
+    status: int
+    out: str
+    err: str
+    document: dict[str, Any]
+    folder: Path
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        return self.document["runs"]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: WHOLE_CASE in getattr(item, "fixturenames", ()))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _boat_process(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
+    """Starts the whole case at once if any test will ask for it, so that it runs while the others do."""
+    if not any(WHOLE_CASE in getattr(item, "fixturenames", ()) for item in request.session.items):
+        yield None
+        return
+    folder = tmp_path_factory.mktemp("whole") / "boat"
+    arguments = [COMMAND, "run", "boat", "--out", folder, "--json", "-"]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8") as process:
+        yield process, folder
+        process.kill()
+
+
+@pytest.fixture(scope="session")
+def boat_run(_boat_process: tuple[subprocess.Popen[str], Path]) -> BoatRun:
+    """The whole case of the boat: 22 runs of 12 s."""
+    process, folder = _boat_process
+    out, err = process.communicate(timeout=600)
+    assert process.returncode in (0, 1), err
+    return BoatRun(process.returncode, out, err, json.loads(out), folder)
+
+
+@pytest.fixture
+def oarlock_command(tmp_path: Path):
+    """Runs the installed command in an empty folder; gives the finished process."""
+
+    def call(*arguments: object) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [COMMAND, *map(str, arguments)],
+            cwd=tmp_path,
+            capture_output=True,
+            encoding="utf-8",
+            timeout=120,
+            check=False,
+        )
+
+    return call

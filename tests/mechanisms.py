@@ -1,0 +1,103 @@
+"""Mechanisms that the tests make up, and folders of cases around them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import oarlock
+from oarlock.cases import Case, CaseFile, load_case
+from oarlock.experiments import Laboratory, Setup
+
+INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
+
+BOAT = Path(oarlock.__file__).parent / "models" / "boat"
+
+
+def four_bar(*, joint: str = "", rocker: str = "", pivot: str = "0.7 0 0", body: str = "", rest: str = "") -> str:
+    """A planar four-bar, closed in its rest pose: 3 coordinates, 3 rows of rank 2 (one is out of plane), 1 dof.
+
+    ``joint`` and ``rocker`` are attributes of all joints and of the rocker's; ``pivot`` is the rocker's place on the
+    ground; ``body`` goes into the coupler, ``rest`` to the end of the model, where an equality may be added.
+    """
+    return f"""
+<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <default><joint axis="0 1 0" {joint}/><geom type="capsule" size="0.02" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="crank">
+      <joint name="crank"/><geom fromto="0 0 0 0 0 0.3"/>
+      <body name="coupler" pos="0 0 0.3">
+        <joint name="coupler"/><geom fromto="0 0 0 0.5 0 0.2"/><site name="tip1" pos="0.5 0 0.2"/>{body}
+      </body>
+    </body>
+    <body name="rocker" pos="{pivot}">
+      <joint name="rocker" {rocker}/><geom fromto="0 0 0 -0.2 0 0.5"/><site name="tip2" pos="-0.2 0 0.5"/>
+    </body>
+  </worldbody>
+  <equality><connect name="pin" site1="tip1" site2="tip2"/></equality>
+  {rest}
+</mujoco>"""
+
+
+TANGLE = """
+<mujoco>
+  <default><geom type="capsule" size="0.02" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="a">
+      <joint name="ball" type="ball"/><geom fromto="0 0 0 0.3 0.1 0.4"/>
+      <body name="b" pos="0.3 0.1 0.4">
+        <joint name="skew" axis="1 2 3" pos="0.1 0 0"/><joint name="slide" type="slide" axis="2 -1 1"/>
+        <geom fromto="0 0 0 0.2 -0.3 0.1"/><site name="s1" pos="0.1 -0.2 0.3"/>
+      </body>
+    </body>
+    <body name="c" pos="0.5 0.5 0.5">
+      <freejoint name="free"/><geom fromto="0 0 0 0.3 0 0"/><site name="s2" pos="-0.1 0.2 0.1"/>
+    </body>
+  </worldbody>
+  <equality>
+    <connect name="bodies" body1="a" body2="c" anchor="0.2 0.3 -0.1"/>
+    <connect name="world" body1="b" anchor="0.1 0.2 0.3"/>
+    <connect name="sites" site1="s1" site2="s2"/>
+  </equality>
+</mujoco>"""
+"""Ball, hinge, slide and free joints in a tangle of connects of every form; it need not be closed."""
+
+
+def write_model(folder: Path, xml: str, toml: str | None = None) -> Path:
+    """A model file; with ``toml``, a case beside it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "model.xml"
+    path.write_text(xml, encoding="utf-8")
+    if toml is not None:
+        (folder / "case.toml").write_text(toml, encoding="utf-8")
+    return path
+
+
+def case_of(path: Path, **contents: Any) -> Case:
+    """A case around a model file, from the contents of a case file."""
+    return Case("made-up", path, CaseFile.model_validate({"title": "made up", **contents}))
+
+
+def boat_with(**changes: Any) -> Case:
+    """The boat with tables of its case replaced."""
+    case = load_case("boat")
+    return Case("boat", case.model_path, CaseFile.model_validate({**case.file.model_dump(), **changes}))
+
+
+def setup_of(case: Case, integrator: Any = "rk4", timestep_s: float | None = None, duration_s: float = 0.2) -> Setup:
+    """A case prepared for a run."""
+    return Laboratory(case, timestep_s, duration_s, lambda steps: None).setup(integrator)
+
+
+def relative(value: Any, expected: Any) -> float:
+    """‖value − expected‖ / ‖expected‖."""
+    return float(np.linalg.norm(np.asarray(value) - expected) / np.linalg.norm(expected))
+
+
+def only(rows: list[dict[str, Any]], **where: Any) -> dict[str, Any]:
+    """The one row that has these values."""
+    found = [row for row in rows if all(row[key] == value for key, value in where.items())]
+    assert len(found) == 1, f"{len(found)} rows with {where} among {[row['run'] for row in rows]}"
+    return found[0]

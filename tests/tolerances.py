@@ -1,0 +1,73 @@
+"""Every tolerance of the suite, by name, with what causes it. A test that needs another number adds a name here."""
+
+# Rounding and formulas.
+
+PAPER_FORMULA = 1e-8
+"""Relative. MuJoCo wants a positive inertia along the oar where the paper has none: 1e-9 of 13 kg m² at most."""
+
+REFERENCE_CURVATURE = 1e-9
+"""Relative. J̇v recovered from aref cancels the much larger stiffness term, up to 1e4 times the rounding of aref."""
+
+FINITE_DIFFERENCE_STEP = 1e-5
+"""s. Truncation ~ step², rounding ~ 1e-16 / step: the two meet near 1e-5."""
+
+FINITE_DIFFERENCE = 1e-7
+"""Relative. Central differences with that step: 1e-10 of the third derivatives, 1e-11 of rounding, times lengths."""
+
+# Starts.
+
+CLOSED = 1e-12
+"""m or rad, and per s: the start's own promise, some thousand roundings of a length of 1 m."""
+
+START_UNCHANGED = 1e-12
+"""rad or m: a start that is consistent in sixteen digits is not moved beyond them."""
+
+# Outside truth.
+
+TRUTH_REGENERATED = 1e-12
+"""rad, rad/s, rad/s². The same solver at 1e-13 on another machine: libm's last bit, through 12 s."""
+
+TRUTH_OTHER_SOLVER = 1e-11
+"""rad. Two integrations at 1e-13 relative of a motion of 14.7 rad, by other methods, steps or coordinates."""
+
+TRUTH_INTERPOLATION = 1e-12
+"""rad. Quintic Hermite over 2.5 ms: step⁶/46080 of the sixth derivative, ~1e-13 here (measured)."""
+
+# Parity with MuJoCo.
+
+CALIBRATION = 1e-12
+"""rad or m. MuJoCo's own force through our stepping, 2000 steps: 7e-15 on the boat (measured), and chaos is slow."""
+
+CALIBRATION_BROKEN = 1e-9
+"""rad or m. What a stepping that leaves out a part of the force must exceed: a thousand times ``CALIBRATION``."""
+
+LOCKSTEP_PARITY = 1e-9
+"""Relative. The same linear system solved elsewhere: rounding times its condition (6e-14 measured on the boat)."""
+
+FREE_PARITY = 1e-10
+"""rad or m. ``LOCKSTEP_PARITY`` accumulated over a second of a stable motion (1e-15 measured on the boat)."""
+
+SAME_ACCELERATION = 1e-9
+"""Relative. Two factorisations of one singular system: rounding times the condition on its range."""
+
+# What the discretisation leaves.
+
+HARD_DRIFT = 1e-9
+"""m. Runge–Kutta's own error at 1 ms, held by Baumgarte: 2.4e-10 measured on the boat."""
+
+RK4_ORDER_LOW, RK4_ORDER_HIGH = 12.0, 20.0
+"""Ratio of the truth error when the timestep is halved: 2⁴ = 16, with the next order's share at finite steps."""
+
+FROZEN_DRIVE = 1e-7
+"""rad. What a drive that is held over a Runge–Kutta step must at least spoil within 0.2 s."""
+
+# The method.
+
+MIN_NORM_LOW, MIN_NORM_HIGH = 1.7, 2.0
+"""‖λ − A⁺b‖/‖A⁺b‖ of sr1 on the boat: tan 60° = 1.732 by theory, approached at the end of the stroke."""
+
+ITERATIONS_BAND = 0.05
+"""The paper prints 1.994 and neither its integrator nor its tolerance."""
+
+SOLVE_RESIDUAL = 1e-10
+"""Relative. Pseudo-inverse of matrices whose positive eigenvalues span three decades: rounding times 1e3, with room."""
