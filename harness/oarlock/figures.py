@@ -87,9 +87,8 @@ def coordinates(
         if not any(np.allclose(first[:, index], first[:, other], atol=1e-3) for other in shown):
             shown.append(index)
     legend = [*runs, *(["truth"] if truth else [])]
-    dash = alt.StrokeDash(
-        "who:N", legend=None, scale=alt.Scale(domain=legend, range=[[1, 0], [8, 8], [2, 6]][: len(legend)])
-    )
+    patterns = alt.Scale(domain=legend, range=[[1, 0], [8, 8], [2, 6]][: len(legend)])
+    dash = alt.StrokeDash("who:N", title=None, scale=patterns, legend=alt.Legend(orient="top"))
     panels = []
     for index in shown:
         curves = {who: sampled(runs[who]["time_s"].to_numpy(), path[:, index]) for who, path in paths.items()}
