@@ -3,11 +3,12 @@
 use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
-use faer::{Mat, MatRef, Par, Spec};
-use nalgebra::{DMatrix, DVector};
+use faer::{ColRef, Mat, MatRef, Par, Spec};
+use nalgebra::DMatrix;
 
 use crate::error::Error;
-use crate::system::ConstrainedSystem;
+use crate::kernels::{axpy, dot, norm, rank_one};
+use crate::problem::Problem;
 
 /// Eigenvalues of A below this part of the largest count as zero, unless an option `rank_cut` says otherwise.
 ///
@@ -23,6 +24,20 @@ pub struct SymmetricEigen {
     scratch: MemBuffer,
     rank: usize,
     projected: Vec<f64>,
+    image: Vec<f64>,
+}
+
+impl Clone for SymmetricEigen {
+    /// A workspace with the same decomposition; the scratch memory is its own.
+    fn clone(&self) -> Self {
+        let mut copy = Self::new(self.len());
+        copy.vectors.copy_from(&self.vectors);
+        for i in 0..self.len() {
+            copy.values[i] = self.values[i];
+        }
+        copy.rank = self.rank;
+        copy
+    }
 }
 
 impl SymmetricEigen {
@@ -36,6 +51,7 @@ impl SymmetricEigen {
             scratch: MemBuffer::new(scratch),
             rank: 0,
             projected: vec![0.0; n],
+            image: vec![0.0; n],
         }
     }
 
@@ -94,24 +110,18 @@ impl SymmetricEigen {
     ///
     /// # Panics
     /// If b or x are not of the size decomposed.
-    pub fn solve(&mut self, rhs: &DVector<f64>, x: &mut [f64]) -> f64 {
+    pub fn solve(&mut self, rhs: &[f64], x: &mut [f64]) -> f64 {
         let n = self.len();
         assert_eq!((rhs.len(), x.len()), (n, n));
         for i in 0..n {
-            let column = self.vectors.col(i);
-            self.projected[i] = (0..n).map(|row| column[row] * rhs[row]).sum();
+            self.projected[i] = dot(self.vector(i), rhs);
         }
         let null = n - self.rank;
-        let inconsistency = self.projected[..null].iter().map(|p| p * p).sum::<f64>().sqrt();
         x.fill(0.0);
         for i in null..n {
-            let coefficient = self.projected[i] / self.values[i];
-            let column = self.vectors.col(i);
-            for (row, entry) in x.iter_mut().enumerate() {
-                *entry += coefficient * column[row];
-            }
+            axpy(self.projected[i] / self.values[i], self.vector(i), x);
         }
-        inconsistency
+        norm(&self.projected[..null])
     }
 
     /// ‖A x − P b‖ / ‖b‖ for an x in range(A), P the projector onto range(A); 0 when b = 0. Call it after
@@ -119,25 +129,17 @@ impl SymmetricEigen {
     ///
     /// # Panics
     /// If the system or x are not of the size decomposed.
-    pub fn residual_rel(&mut self, system: &ConstrainedSystem, x: &[f64]) -> f64 {
+    pub fn residual_rel(&mut self, problem: &mut Problem<'_>, x: &[f64]) -> f64 {
         let (n, null) = (self.len(), self.len() - self.rank);
-        assert_eq!((system.len(), x.len()), (n, n));
-        let norm = system.rhs().norm();
+        assert_eq!((problem.len(), x.len()), (n, n));
+        let norm = norm(problem.rhs());
         if norm == 0.0 {
             return 0.0;
         }
         // Uᵀ(A x) on the range, with A itself rather than its decomposition, so that a wrong one shows.
-        let mut sum = 0.0;
-        for i in null..n {
-            let column = self.vectors.col(i);
-            let mut image = 0.0;
-            for (col, entry) in x.iter().enumerate() {
-                let matrix_column = system.matrix().column(col);
-                image += entry * (0..n).map(|row| column[row] * matrix_column[row]).sum::<f64>();
-            }
-            sum += (image - self.projected[i]).powi(2);
-        }
-        sum.sqrt() / norm
+        problem.apply(x, &mut self.image);
+        let miss = |i: usize| (dot(self.vector(i), &self.image) - self.projected[i]).powi(2);
+        (null..n).map(miss).sum::<f64>().sqrt() / norm
     }
 
     /// Largest dropped eigenvalue over the largest of all: ‖A N‖ / ‖A‖ of the null-space basis; 0 without one.
@@ -149,17 +151,17 @@ impl SymmetricEigen {
         if largest == 0.0 { 0.0 } else { dropped / largest }
     }
 
-    /// Writes A⁺ into `inverse` (`n×n`).
-    pub fn pseudo_inverse(&self, inverse: &mut DMatrix<f64>) {
-        let n = self.len();
+    /// The i-th eigenvector, `n`.
+    #[must_use]
+    pub fn vector(&self, i: usize) -> &[f64] {
+        self.vectors.col(i).try_as_col_major().map_or(&[], ColRef::as_slice)
+    }
+
+    /// Writes A⁺ into `inverse` (`n×n`, column-major).
+    pub fn pseudo_inverse(&self, inverse: &mut [f64]) {
         inverse.fill(0.0);
-        for i in n - self.rank..n {
-            let column = self.vectors.col(i);
-            for col in 0..n {
-                for row in 0..n {
-                    inverse[(row, col)] += column[row] * column[col] / self.values[i];
-                }
-            }
+        for i in self.len() - self.rank..self.len() {
+            rank_one(self.values[i].recip(), self.vector(i), inverse);
         }
     }
 }

@@ -101,6 +101,14 @@ pub enum Error {
         /// The range.
         expected: &'static str,
     },
+    /// A saved state belongs to another solver or another size.
+    #[error("state of solver '{got}', expected one of solver '{expected}' with every field of its size")]
+    State {
+        /// The solver that was to take it.
+        expected: &'static str,
+        /// The solver that it names.
+        got: String,
+    },
     /// A law of time does not parse or names an unknown variable.
     #[error("time law '{law}': {reason}")]
     TimeLaw {

@@ -45,4 +45,28 @@ pub struct Info {
     pub refreshed: bool,
     /// Updates that were skipped or replaced by a safer one.
     pub fallbacks: usize,
+    /// Rows that folding took out before the solver saw the system: zero rows and all but one of proportional ones.
+    pub folded: usize,
+    /// Whether the fold of earlier steps did not hold any more and was found anew.
+    pub refolded: bool,
+}
+
+impl Info {
+    /// The figures of a system whose rows are all zero, with ‖b‖: x = 0, and all of b is inconsistent.
+    #[must_use]
+    pub const fn trivial(norm: f64) -> Self {
+        Self {
+            status: Status::Converged,
+            iterations: 0,
+            products: 0,
+            residual_rel: 0.0,
+            inconsistency: Some(norm),
+            rank: Some(0),
+            null_residual: Some(0.0),
+            refreshed: false,
+            fallbacks: 0,
+            folded: 0,
+            refolded: false,
+        }
+    }
 }

@@ -56,11 +56,15 @@
 //! matrices" (in Russian; known by title and abstract, journal and year not verified).
 //! J. Baumgarte, "Stabilization of constraints and integrals of motion in dynamical systems", CMAME 1 (1972) 1–16.
 
+pub mod carried;
 pub mod eigen;
 pub mod error;
+pub mod fold;
 pub mod info;
+mod kernels;
 pub mod params;
 pub mod pinv;
+pub mod problem;
 pub mod solver;
 pub mod sr1;
 pub mod step;
@@ -71,7 +75,8 @@ pub mod time_law;
 pub use error::Error;
 pub use info::{Info, Status};
 pub use params::Options;
-pub use solver::{MultiplierSolver, SOLVERS, make_solver};
+pub use problem::{Needs, Problem, Wanted};
+pub use solver::{MultiplierSolver, SOLVERS, State, make_solver};
 pub use step::StepView;
 pub use system::ConstrainedSystem;
 pub use time_law::TimeLaw;

@@ -2,10 +2,10 @@
 
 use crate::eigen::{RANK_CUT, SymmetricEigen};
 use crate::error::{Error, check_len};
-use crate::info::{Info, Status};
+use crate::info::Info;
 use crate::params::{Params, Reader};
+use crate::problem::{Needs, Problem};
 use crate::solver::{MultiplierSolver, SolverKind};
-use crate::system::ConstrainedSystem;
 
 /// Registry entry.
 pub const KIND: SolverKind = SolverKind {
@@ -31,6 +31,7 @@ impl Params for PinvParams {
 }
 
 /// x = A⁺ b, decomposed anew every step; nothing is carried but the workspace.
+#[derive(Clone)]
 pub struct Pinv {
     params: PinvParams,
     eigen: SymmetricEigen,
@@ -49,26 +50,30 @@ impl MultiplierSolver for Pinv {
         PinvParams::SOLVER
     }
 
-    fn solve(&mut self, system: &ConstrainedSystem, x: &mut [f64]) -> Result<Info, Error> {
-        let n = system.len();
+    fn needs(&self) -> Needs {
+        Needs::Dense
+    }
+
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        let n = problem.len();
         check_len("x", x.len(), &[n])?;
         if self.eigen.len() != n {
             self.eigen = SymmetricEigen::new(n);
         }
-        self.eigen.decompose(system.matrix(), self.params.rank_cut)?;
-        let inconsistency = self.eigen.solve(system.rhs(), x);
+        self.eigen.decompose(problem.matrix(), self.params.rank_cut)?;
+        let inconsistency = self.eigen.solve(problem.rhs(), x);
         Ok(Info {
-            status: Status::Converged,
-            iterations: 0,
-            products: 0,
-            residual_rel: self.eigen.residual_rel(system, x),
+            residual_rel: self.eigen.residual_rel(problem, x),
             inconsistency: Some(inconsistency),
             rank: Some(self.eigen.rank()),
             null_residual: Some(self.eigen.null_residual()),
-            refreshed: false,
-            fallbacks: 0,
+            ..Info::trivial(0.0)
         })
     }
 
     fn reset(&mut self) {}
+
+    fn clone_box(&self) -> Box<dyn MultiplierSolver> {
+        Box::new(self.clone())
+    }
 }

@@ -1,26 +1,98 @@
 //! The trait that every solver implements, and the registry of names.
 
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
 use crate::error::Error;
 use crate::info::Info;
 use crate::params::Options;
-use crate::system::ConstrainedSystem;
+use crate::problem::{Needs, Problem};
 use crate::{pinv, sr1};
 
-/// Solves A λ = b, one step after another. A solver owns its workspace and whatever it carries between steps.
+/// Solves A x = b, one step after another. A solver owns its workspace and whatever it carries between steps.
+///
+/// Callers hand steps to [`ConstrainedSystem::solve`](crate::ConstrainedSystem::solve), which folds first.
 pub trait MultiplierSolver: Send + Sync {
     /// Name in the registry.
     fn name(&self) -> &'static str;
 
-    /// Solves the system of one step into `x` (`n`).
+    /// What it works with.
+    fn needs(&self) -> Needs;
+
+    /// Solves the problem of one step into `x` (`n`).
     ///
-    /// A system of another size than the last one starts the solver anew, as [`reset`](Self::reset) does.
+    /// A problem of another size than the last one starts the solver anew, as [`reset`](Self::reset) does.
     ///
     /// # Errors
     /// [`Error`] for bad input only; not converging is a [`Status`](crate::info::Status), with a usable x.
-    fn solve(&mut self, system: &ConstrainedSystem, x: &mut [f64]) -> Result<Info, Error>;
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error>;
 
     /// Forgets all earlier steps.
     fn reset(&mut self);
+
+    /// A copy with everything it carries.
+    fn clone_box(&self) -> Box<dyn MultiplierSolver>;
+
+    /// What it carries between steps; empty for a solver that carries nothing.
+    fn state(&self) -> State {
+        State::new(self.name(), 0)
+    }
+
+    /// Goes on from a saved state.
+    ///
+    /// # Errors
+    /// [`Error::State`] if the state is another solver's or not whole.
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        state.check(self.name(), &[])
+    }
+}
+
+/// What a solver carries between steps, for saving.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Name of the solver.
+    pub solver: String,
+    /// Number of rows n that it was at; 0 before the first solve.
+    pub size: usize,
+    /// Its fields, flat.
+    pub fields: BTreeMap<String, Vec<f64>>,
+}
+
+impl State {
+    /// A state without fields.
+    #[must_use]
+    pub fn new(solver: &str, size: usize) -> Self {
+        Self { solver: solver.to_owned(), size, fields: BTreeMap::new() }
+    }
+
+    /// With one more field.
+    #[must_use]
+    pub fn with(mut self, name: &str, values: &[f64]) -> Self {
+        self.fields.insert(name.to_owned(), values.to_vec());
+        self
+    }
+
+    /// A field; empty if it is missing.
+    #[must_use]
+    pub fn field(&self, name: &str) -> &[f64] {
+        self.fields.get(name).map_or(&[], Vec::as_slice)
+    }
+
+    /// Checks that it is this solver's and that its fields have these lengths and are finite.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub fn check(&self, solver: &'static str, lengths: &[(&str, usize)]) -> Result<(), Error> {
+        let whole = |&(name, length): &(&str, usize)| {
+            let field = self.field(name);
+            field.len() == length && field.iter().all(|value| value.is_finite())
+        };
+        if self.solver == solver && lengths.iter().all(whole) {
+            return Ok(());
+        }
+        Err(Error::State { expected: solver, got: self.solver.clone() })
+    }
 }
 
 /// An entry of the registry.

@@ -22,18 +22,18 @@
 //! A x = b but is no longer the minimum-norm solution. When b leaves range(A), ‖A x − b‖ cannot fall below ‖Nᵀb‖ and
 //! the stopping test is out of reach for a small ε; further updates then come from rounding and wreck H. This file
 //! stays faithful, so that both show. It only refuses to hand garbage on. The minimum-norm solution obeys
-//! ‖A⁺b‖ ≤ ‖b‖ / λ⁺, with λ⁺ the smallest eigenvalue above the cut; an x beyond [`GROWTH_LIMIT`] times that meets the
+//! ‖A⁺b‖ ≤ ‖b‖ / λ⁺, with λ⁺ the smallest eigenvalue above the cut; an x beyond [`GROWTH_LIMIT`](crate::carried::GROWTH_LIMIT) times that meets the
 //! residual only through eigenvalues that are zero to rounding, and counts as [`Status::Breakdown`]. A solve that ends
 //! without convergence says so, recomputes H = A⁺ from an eigendecomposition ([`Info::refreshed`]) and gives x = A⁺ b.
 
-use nalgebra::{DMatrix, DVector};
-
-use crate::eigen::{RANK_CUT, SymmetricEigen};
+use crate::carried::{CarriedInverse, check_state};
+use crate::eigen::RANK_CUT;
 use crate::error::{Error, check_len};
 use crate::info::{Info, Status};
+use crate::kernels::{axpy, dot, gemv, norm, rank_one};
 use crate::params::{Params, Reader};
-use crate::solver::{MultiplierSolver, SolverKind};
-use crate::system::ConstrainedSystem;
+use crate::problem::{Needs, Problem};
+use crate::solver::{MultiplierSolver, SolverKind, State};
 
 /// Registry entry.
 pub const KIND: SolverKind = SolverKind {
@@ -42,10 +42,6 @@ pub const KIND: SolverKind = SolverKind {
     build: |options| Ok(Box::new(Sr1::new(Sr1Params::from_options(options)?))),
     options: Sr1Params::defaults,
 };
-
-/// How far ‖x‖ may exceed the bound ‖b‖ / λ⁺ of the minimum-norm solution before a solve counts as broken down. A
-/// turning null space alone doubles ‖x‖ on the boat; 100 leaves room for λ⁺ to have changed since it was computed.
-pub const GROWTH_LIMIT: f64 = 100.0;
 
 /// Parameters of [`Sr1`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,19 +70,14 @@ impl Params for Sr1Params {
 }
 
 /// Algorithm (11) with the H of the last solve.
+#[derive(Clone)]
 pub struct Sr1 {
     params: Sr1Params,
-    eigen: SymmetricEigen,
-    inverse: DMatrix<f64>,
-    /// Whether `inverse` must be recomputed before the next solve.
-    stale: bool,
-    /// `GROWTH_LIMIT` / λ⁺ of the last eigendecomposition; infinite if H₀ was handed in.
-    largest_gain: f64,
-    x: DVector<f64>,
-    s: DVector<f64>,
-    y: DVector<f64>,
-    r: DVector<f64>,
-    hr: DVector<f64>,
+    carried: CarriedInverse,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    r: Vec<f64>,
+    hr: Vec<f64>,
 }
 
 impl Sr1 {
@@ -95,50 +86,31 @@ impl Sr1 {
     pub fn new(params: Sr1Params) -> Self {
         Self {
             params,
-            eigen: SymmetricEigen::new(0),
-            inverse: DMatrix::zeros(0, 0),
-            stale: true,
-            largest_gain: f64::INFINITY,
-            x: DVector::zeros(0),
-            s: DVector::zeros(0),
-            y: DVector::zeros(0),
-            r: DVector::zeros(0),
-            hr: DVector::zeros(0),
+            carried: CarriedInverse::new(0, params.rank_cut),
+            x: Vec::new(),
+            y: Vec::new(),
+            r: Vec::new(),
+            hr: Vec::new(),
         }
     }
 
-    /// H, `n×n`: the pseudo-inverse as the last solve left it.
+    /// H, `n×n`, column-major: the pseudo-inverse as the last solve left it.
     #[must_use]
-    pub const fn inverse(&self) -> &DMatrix<f64> {
-        &self.inverse
+    pub fn inverse(&self) -> &[f64] {
+        &self.carried.inverse
     }
 
-    /// Sets H₀ for the next solve, instead of an eigendecomposition of its A.
+    /// Sets H₀ (`n×n`, column-major) for the next solve, instead of an eigendecomposition of its A.
     ///
     /// # Errors
-    /// [`Error::Shape`] if `inverse` is not square, [`Error::Empty`] if it has no rows.
-    pub fn start_from(&mut self, inverse: &DMatrix<f64>) -> Result<(), Error> {
-        let n = inverse.nrows();
+    /// [`Error::Shape`] if `inverse` is not n×n, [`Error::Empty`] if n = 0.
+    pub fn start_from(&mut self, inverse: &[f64], n: usize) -> Result<(), Error> {
         if n == 0 {
             return Err(Error::Empty { what: "inverse" });
         }
         check_len("inverse", inverse.len(), &[n, n])?;
         self.resize(n);
-        self.inverse.copy_from(inverse);
-        self.stale = false;
-        Ok(())
-    }
-
-    /// H = A⁺ from an eigendecomposition.
-    fn refresh(&mut self, matrix: &DMatrix<f64>) -> Result<(), Error> {
-        self.stale = true; // until it has worked
-        self.eigen.decompose(matrix, self.params.rank_cut)?;
-        self.eigen.pseudo_inverse(&mut self.inverse);
-        self.largest_gain = match self.eigen.rank() {
-            0 => f64::INFINITY,
-            rank => GROWTH_LIMIT / self.eigen.value(self.eigen.len() - rank),
-        };
-        self.stale = false;
+        self.carried.start_from(inverse);
         Ok(())
     }
 
@@ -146,18 +118,21 @@ impl Sr1 {
         if self.x.len() == n {
             return;
         }
+        let vector = || vec![0.0; n];
         *self = Self {
             params: self.params,
-            eigen: SymmetricEigen::new(n),
-            inverse: DMatrix::zeros(n, n),
-            stale: true,
-            largest_gain: f64::INFINITY,
-            x: DVector::zeros(n),
-            s: DVector::zeros(n),
-            y: DVector::zeros(n),
-            r: DVector::zeros(n),
-            hr: DVector::zeros(n),
+            carried: CarriedInverse::new(n, self.params.rank_cut),
+            x: vector(),
+            y: vector(),
+            r: vector(),
+            hr: vector(),
         };
+    }
+
+    /// r = A x − b.
+    fn residual(&mut self, problem: &mut Problem<'_>) {
+        problem.apply(&self.x, &mut self.r);
+        axpy(-1.0, problem.rhs(), &mut self.r);
     }
 }
 
@@ -166,81 +141,94 @@ impl MultiplierSolver for Sr1 {
         Sr1Params::SOLVER
     }
 
-    fn solve(&mut self, system: &ConstrainedSystem, x: &mut [f64]) -> Result<Info, Error> {
-        let n = system.len();
+    fn needs(&self) -> Needs {
+        Needs::Operator
+    }
+
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        let n = problem.len();
         check_len("x", x.len(), &[n])?;
         self.resize(n);
-        let (matrix, rhs) = (system.matrix(), system.rhs());
-        let eps_squared = self.params.eps_abs.powi(2);
-        let mut refreshed = self.stale;
+        let b_norm = norm(problem.rhs());
+        let mut refreshed = self.carried.is_stale();
         if refreshed {
-            self.refresh(matrix)?;
+            self.carried.refresh(problem)?;
         }
 
-        self.x.gemv(1.0, &self.inverse, rhs, 0.0);
-        self.y.gemv(1.0, matrix, &self.x, 0.0);
-        self.r.copy_from(&self.y);
-        self.r -= rhs;
+        gemv(&self.carried.inverse, problem.rhs(), &mut self.x);
+        self.residual(problem);
+        // y₀ = A x₁ = r₁ + b
+        self.y.copy_from_slice(&self.r);
+        axpy(1.0, problem.rhs(), &mut self.y);
         let (mut iterations, mut products, mut fallbacks) = (0, 2, 0);
-        let mut squared = self.r.norm_squared();
-
         let status = loop {
-            if !squared.is_finite() || self.x.norm() > self.largest_gain * rhs.norm() {
+            let r_norm = norm(&self.r);
+            if !r_norm.is_finite() || self.carried.too_large(norm(&self.x), b_norm) {
                 break Status::Breakdown;
             }
-            if squared <= eps_squared {
+            if r_norm <= self.params.eps_abs {
                 break Status::Converged;
             }
             if iterations == self.params.max_iterations {
                 break Status::IterationLimit;
             }
-            self.hr.gemv(1.0, &self.inverse, &self.r, 0.0);
-            let denominator = self.hr.dot(&self.y);
+            gemv(&self.carried.inverse, &self.r, &mut self.hr);
+            let denominator = dot(&self.hr, &self.y);
             let mut step = -1.0;
-            if denominator.abs() > self.params.guard * self.hr.norm() * self.y.norm() {
-                step += self.r.dot(&self.hr) / denominator;
-                self.inverse.ger(-1.0 / denominator, &self.hr, &self.hr, 1.0);
+            if denominator.abs() > self.params.guard * norm(&self.hr) * norm(&self.y) {
+                step += dot(&self.r, &self.hr) / denominator;
+                rank_one(-denominator.recip(), &self.hr, &mut self.carried.inverse);
             } else {
                 fallbacks += 1;
             }
-            self.s.copy_from(&self.hr);
-            self.s *= step;
-            self.x += &self.s;
-            self.y.copy_from(&self.r);
-            self.r.copy_from(rhs);
-            self.r.gemv(1.0, matrix, &self.x, -1.0);
-            self.y.neg_mut();
-            self.y += &self.r;
-            squared = self.r.norm_squared();
+            axpy(step, &self.hr, &mut self.x);
+            self.y.copy_from_slice(&self.r);
+            self.residual(problem);
+            for (y, r) in self.y.iter_mut().zip(&self.r) {
+                *y = r - *y;
+            }
             iterations += 1;
             products += 2;
         };
 
         if status != Status::Converged {
-            self.refresh(matrix)?;
+            self.carried.refresh(problem)?;
             refreshed = true;
-            self.x.gemv(1.0, &self.inverse, rhs, 0.0);
-            products += 1;
+            gemv(&self.carried.inverse, problem.rhs(), &mut self.x);
+            self.residual(problem);
+            products += 2;
         }
-        x.copy_from_slice(self.x.as_slice());
-        self.r.copy_from(rhs);
-        self.r.gemv(1.0, matrix, &self.x, -1.0);
-        products += 1;
-        let norm = rhs.norm();
+        x.copy_from_slice(&self.x);
         Ok(Info {
             status,
             iterations,
             products,
-            residual_rel: if norm == 0.0 { 0.0 } else { self.r.norm() / norm },
+            residual_rel: if b_norm == 0.0 { 0.0 } else { norm(&self.r) / b_norm },
             inconsistency: None,
             rank: None,
             null_residual: None,
             refreshed,
             fallbacks,
+            ..Info::trivial(0.0)
         })
     }
 
     fn reset(&mut self) {
-        self.stale = true;
+        self.carried.invalidate();
+    }
+
+    fn clone_box(&self) -> Box<dyn MultiplierSolver> {
+        Box::new(self.clone())
+    }
+
+    fn state(&self) -> State {
+        self.carried.state(self.name())
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        check_state(state, Sr1Params::SOLVER)?;
+        self.resize(state.size);
+        self.carried.restore(state);
+        Ok(())
     }
 }

@@ -1,10 +1,15 @@
-//! A λ = b of one step, and the way back from λ to accelerations.
+//! A λ = b of one step: from a [`StepView`] to what a solver sees, and from its multipliers back to accelerations.
 
 use std::mem;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::error::{Error, check_finite, check_len};
+use crate::fold::{Fold, scaled_copy};
+use crate::info::Info;
+use crate::kernels::{axpy, norm};
+use crate::problem::{Needs, Problem, Wanted};
+use crate::solver::MultiplierSolver;
 use crate::step::StepView;
 
 /// Symmetry asked of a dense A that a caller hands over, relative to its largest entry. `A = J M⁻¹ Jᵀ` formed in
@@ -12,19 +17,31 @@ use crate::step::StepView;
 /// still catches a wrong matrix.
 pub const SYMMETRY_TOLERANCE: f64 = 1e-10;
 
-/// The linear system of one step. Made once, assembled anew every step; allocates only when the shape changes.
+/// The linear system of one step. Made once, filled anew every step; allocates only when the shape or the fold changes.
 ///
-/// With `M = L Lᵀ` and `W = L⁻¹ Jᵀ` (nv×n): `A = Wᵀ W (+ R)`, which is symmetric to the last bit, and
-/// `a = a₀ + L⁻ᵀ W λ`, where `a₀ = M⁻¹ f` is the acceleration without constraints.
+/// With `M = L Lᵀ`, the fold `J = T Jr` and `W = L⁻¹ Jrᵀ` (nv×nr), a solver sees `A = Wᵀ W (+ R)`, and
+/// `a = a₀ + M⁻¹ Jᵀ λ`, where `a₀ = M⁻¹ f` is the acceleration without constraints. Soft rows (R given) are not folded:
+/// the identity that makes folding exact does not hold for A + R.
 #[derive(Debug, Clone, Default)]
 pub struct ConstrainedSystem {
-    matrix: DMatrix<f64>,
-    rhs: DVector<f64>,
+    fold: Fold,
+    /// Times that a fold had to be found anew since the first one.
+    refolds: usize,
+    refolded: bool,
+    /// ‖b − T Tᵀ b‖.
+    outside: f64,
     mass_factor: DMatrix<f64>,
     jacobian_t: DMatrix<f64>,
     whitened: DMatrix<f64>,
+    softness: Option<Vec<f64>>,
+    dense: DMatrix<f64>,
+    formed: bool,
+    given: DMatrix<f64>,
+    full_rhs: DVector<f64>,
+    rhs: DVector<f64>,
     unconstrained: DVector<f64>,
     work: DVector<f64>,
+    solution: Vec<f64>,
 }
 
 impl ConstrainedSystem {
@@ -37,13 +54,13 @@ impl ConstrainedSystem {
     /// Number of rows n.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.rhs.len()
+        self.full_rhs.len()
     }
 
     /// Whether nothing has been assembled yet.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.rhs.is_empty()
+        self.full_rhs.is_empty()
     }
 
     /// Number of velocities nv; 0 for a system given as dense (A, b).
@@ -52,16 +69,10 @@ impl ConstrainedSystem {
         self.unconstrained.len()
     }
 
-    /// A, `n×n`.
-    #[must_use]
-    pub const fn matrix(&self) -> &DMatrix<f64> {
-        &self.matrix
-    }
-
-    /// b, `n`.
+    /// b, `n`, before folding.
     #[must_use]
     pub const fn rhs(&self) -> &DVector<f64> {
-        &self.rhs
+        &self.full_rhs
     }
 
     /// a₀ = M⁻¹ f, `nv`.
@@ -70,22 +81,75 @@ impl ConstrainedSystem {
         &self.unconstrained
     }
 
+    /// How the rows were folded.
+    #[must_use]
+    pub const fn fold(&self) -> &Fold {
+        &self.fold
+    }
+
+    /// Times that the classes of a fold did not hold any more and were found anew.
+    #[must_use]
+    pub const fn refolds(&self) -> usize {
+        self.refolds
+    }
+
+    /// A, `n×n`, before folding. Computed for the occasion: for inspection, not for a step loop.
+    #[must_use]
+    pub fn full_matrix(&self) -> DMatrix<f64> {
+        if self.nv() == 0 {
+            return self.given.clone();
+        }
+        let mut whitened = self.jacobian_t.clone();
+        self.mass_factor.solve_lower_triangular_mut(&mut whitened);
+        let mut matrix = whitened.tr_mul(&whitened);
+        for (i, softness) in self.softness.iter().flatten().enumerate() {
+            matrix[(i, i)] += softness;
+        }
+        matrix
+    }
+
     fn resize(&mut self, n: usize, nv: usize) {
         if (self.len(), self.nv()) == (n, nv) {
             return;
         }
         *self = Self {
-            matrix: DMatrix::zeros(n, n),
-            rhs: DVector::zeros(n),
-            mass_factor: DMatrix::zeros(nv, nv),
             jacobian_t: DMatrix::zeros(nv, n),
-            whitened: DMatrix::zeros(nv, n),
+            mass_factor: DMatrix::zeros(nv, nv),
+            full_rhs: DVector::zeros(n),
             unconstrained: DVector::zeros(nv),
             work: DVector::zeros(nv),
+            ..Self::default()
         };
     }
 
-    /// Forms A and b of one step.
+    /// Fits the fold to the rows of this step, or finds it anew.
+    fn refold(&mut self, foldable: bool) {
+        let n = self.len();
+        let (rows, width) = match self.nv() {
+            0 => (self.given.as_slice(), n),
+            nv => (self.jacobian_t.as_slice(), nv),
+        };
+        self.refolded = false;
+        if !foldable {
+            if !(self.fold.is_identity() && self.fold.rows() == n) {
+                self.fold = Fold::identity(n);
+            }
+        } else if !self.fold.refit(rows, width) {
+            self.refolded = self.fold.rows() == n;
+            self.refolds += usize::from(self.refolded);
+            self.fold = Fold::find(rows, width);
+        }
+        let reduced = self.fold.reduced();
+        if self.rhs.len() != reduced || self.dense.nrows() != reduced {
+            self.whitened = DMatrix::zeros(self.nv(), reduced);
+            self.dense = DMatrix::zeros(reduced, reduced);
+            self.rhs = DVector::zeros(reduced);
+            self.solution = vec![0.0; reduced];
+        }
+        self.formed = false;
+    }
+
+    /// Takes over one step.
     ///
     /// # Errors
     /// Those of [`StepView::check`], and [`Error::MassNotPositiveDefinite`].
@@ -111,20 +175,24 @@ impl ConstrainedSystem {
             .unpack_dirty();
 
         self.jacobian_t.copy_from_slice(step.jacobian);
-        self.whitened.copy_from(&self.jacobian_t);
-        self.mass_factor.solve_lower_triangular_mut(&mut self.whitened);
-        self.matrix.gemm_tr(1.0, &self.whitened, &self.whitened, 0.0);
-        if let Some(regularisation) = step.regularisation {
-            for (i, value) in regularisation.iter().enumerate() {
-                self.matrix[(i, i)] += value;
-            }
+        self.refold(step.regularisation.is_none());
+        match (step.regularisation, &mut self.softness) {
+            (None, softness) => *softness = None,
+            (Some(given), Some(softness)) if softness.len() == n => softness.copy_from_slice(given),
+            (Some(given), softness) => *softness = Some(given.to_vec()),
         }
+        for (class, (representative, scale)) in self.fold.classes().enumerate() {
+            let row = &self.jacobian_t.as_slice()[representative * nv..(representative + 1) * nv];
+            scaled_copy(row, scale, &mut self.whitened.as_mut_slice()[class * nv..(class + 1) * nv]);
+        }
+        self.mass_factor.solve_lower_triangular_mut(&mut self.whitened);
 
         self.unconstrained.copy_from_slice(step.force);
         self.mass_factor.solve_lower_triangular_mut(&mut self.unconstrained);
         self.mass_factor.tr_solve_lower_triangular_mut(&mut self.unconstrained);
-        self.rhs.copy_from_slice(step.aref);
-        self.rhs.gemv_tr(-1.0, &self.jacobian_t, &self.unconstrained, 1.0);
+        self.full_rhs.copy_from_slice(step.aref);
+        self.full_rhs.gemv_tr(-1.0, &self.jacobian_t, &self.unconstrained, 1.0);
+        self.outside = self.fold.reduce(self.full_rhs.as_slice(), self.rhs.as_mut_slice());
         Ok(())
     }
 
@@ -150,13 +218,67 @@ impl ConstrainedSystem {
             }
         }
         self.resize(n, 0);
+        if self.given.nrows() != n {
+            self.given = DMatrix::zeros(n, n);
+        }
         for row in 0..n {
             for col in 0..n {
-                self.matrix[(row, col)] = 0.5 * (matrix[row * n + col] + matrix[col * n + row]);
+                self.given[(row, col)] = 0.5 * (matrix[row * n + col] + matrix[col * n + row]);
             }
         }
-        self.rhs.copy_from_slice(rhs);
+        self.full_rhs.copy_from_slice(rhs);
+        self.refold(true);
+        for (col, (col_row, col_scale)) in self.fold.classes().enumerate() {
+            for (row, (row_row, row_scale)) in self.fold.classes().enumerate() {
+                self.dense[(row, col)] = row_scale * col_scale * self.given[(row_row, col_row)];
+            }
+        }
+        self.formed = true;
+        self.outside = self.fold.reduce(self.full_rhs.as_slice(), self.rhs.as_mut_slice());
         Ok(())
+    }
+
+    /// Solves A λ = b with `solver`, into `multipliers` (`n`).
+    ///
+    /// # Errors
+    /// Those of the solver, and [`Error::Shape`].
+    pub fn solve(
+        &mut self,
+        solver: &mut dyn MultiplierSolver,
+        wanted: Wanted,
+        multipliers: &mut [f64],
+    ) -> Result<Info, Error> {
+        check_len("multipliers", multipliers.len(), &[self.len()])?;
+        if self.is_empty() {
+            return Err(Error::Empty { what: "system" });
+        }
+        if self.rhs.is_empty() {
+            // Every row is zero: A = 0, A⁺ = 0.
+            multipliers.fill(0.0);
+            return Ok(Info { folded: self.len(), refolded: self.refolded, ..Info::trivial(self.outside) });
+        }
+        let mut problem = Problem {
+            wanted,
+            whitened: &self.whitened,
+            softness: self.softness.as_deref(),
+            dense: &mut self.dense,
+            formed: &mut self.formed,
+            rhs: &self.rhs,
+            work: self.work.as_mut_slice(),
+        };
+        if solver.needs() == Needs::Dense {
+            problem.matrix();
+        }
+        let mut info = solver.solve(&mut problem, &mut self.solution)?;
+        self.fold.expand(&self.solution, multipliers);
+        let norm = norm(self.full_rhs.as_slice());
+        if norm > 0.0 {
+            info.residual_rel *= self.rhs.norm() / norm;
+        }
+        info.inconsistency = info.inconsistency.map(|inside| inside.hypot(self.outside));
+        info.folded = self.len() - self.fold.reduced();
+        info.refolded = self.refolded;
+        Ok(info)
     }
 
     /// `qfrc = Jᵀ λ` and `qacc = a₀ + M⁻¹ Jᵀ λ`, both `nv`.
@@ -174,7 +296,7 @@ impl ConstrainedSystem {
         check_len("qacc", qacc.len(), &[self.nv()])?;
         self.work.fill(0.0);
         for (column, &multiplier) in self.jacobian_t.column_iter().zip(multipliers) {
-            self.work.axpy(multiplier, &column, 1.0);
+            axpy(multiplier, column.as_slice(), self.work.as_mut_slice());
         }
         qfrc.copy_from_slice(self.work.as_slice());
         self.mass_factor.solve_lower_triangular_mut(&mut self.work);

@@ -8,7 +8,7 @@ use oarlock_core as core;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::convert::{input_error, matrix, vector};
+use crate::convert::{InputError, input_error, matrix, vector};
 use crate::system::ConstrainedSystem;
 
 /// The figures of one solve; a figure that the solver cannot know is None.
@@ -32,6 +32,10 @@ pub struct Info {
     refreshed: bool,
     /// Updates skipped or replaced.
     fallbacks: usize,
+    /// Rows that folding took out: zero rows and all but one of proportional ones.
+    folded: usize,
+    /// Whether the fold of earlier steps did not hold any more and was found anew.
+    refolded: bool,
     /// Wall time of the solve alone, in ns.
     elapsed_ns: u64,
 }
@@ -61,6 +65,8 @@ impl Info {
             null_residual: info.null_residual,
             refreshed: info.refreshed,
             fallbacks: info.fallbacks,
+            folded: info.folded,
+            refolded: info.refolded,
             elapsed_ns: elapsed.as_nanos().try_into().unwrap_or(u64::MAX),
         }
     }
@@ -78,12 +84,13 @@ type Solution<'py> = (Bound<'py, PyArray1<f64>>, Info);
 fn solve<'py>(
     py: Python<'py>,
     solver: &mut dyn core::MultiplierSolver,
-    system: &core::ConstrainedSystem,
+    system: &mut core::ConstrainedSystem,
+    wanted: core::Wanted,
 ) -> PyResult<Solution<'py>> {
     let mut x = vec![0.0; system.len()];
     let (info, elapsed) = py.detach(|| {
         let start = Instant::now();
-        (solver.solve(system, &mut x), start.elapsed())
+        (system.solve(solver, wanted, &mut x), start.elapsed())
     });
     Ok((x.into_pyarray(py), Info::new(info.map_err(input_error)?, elapsed)))
 }
@@ -108,12 +115,56 @@ impl MultiplierSolver {
     ) -> PyResult<Solution<'py>> {
         let b = vector("b", &b)?;
         self.dense.set_dense(matrix("A", &A, [b.len(), b.len()])?, b).map_err(input_error)?;
-        solve(py, &mut *self.inner, &self.dense)
+        solve(py, &mut *self.inner, &mut self.dense, core::Wanted::Multipliers)
     }
 
-    /// (x, info) of the system of one step.
-    fn solve_system<'py>(&mut self, py: Python<'py>, system: &ConstrainedSystem) -> PyResult<Solution<'py>> {
-        solve(py, &mut *self.inner, &system.inner)
+    /// (x, info) of the system of one step. With wanted="acceleration" any multipliers that give the right
+    /// accelerations will do; "multipliers" asks for the minimum-norm ones.
+    #[pyo3(signature = (system, wanted="multipliers"))]
+    fn solve_system<'py>(
+        &mut self,
+        py: Python<'py>,
+        system: &mut ConstrainedSystem,
+        wanted: &str,
+    ) -> PyResult<Solution<'py>> {
+        let wanted = match wanted {
+            "multipliers" => core::Wanted::Multipliers,
+            "acceleration" => core::Wanted::Acceleration,
+            other => {
+                return Err(InputError::new_err(format!(
+                    "wanted = '{other}', expected one of: multipliers, acceleration"
+                )));
+            }
+        };
+        solve(py, &mut *self.inner, &mut system.inner, wanted)
+    }
+
+    /// A copy with everything it carries.
+    fn clone(&self) -> Self {
+        Self { inner: self.inner.clone_box(), dense: self.dense.clone() }
+    }
+
+    /// What it carries between steps, as {"solver": name, "size": n, "fields": {name: [numbers]}}.
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let state = self.inner.state();
+        let dict = PyDict::new(py);
+        dict.set_item("solver", state.solver)?;
+        dict.set_item("size", state.size)?;
+        dict.set_item("fields", state.fields)?;
+        Ok(dict)
+    }
+
+    /// Goes on from a saved state.
+    fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
+        let get = |name: &str| {
+            state.get_item(name)?.ok_or_else(|| InputError::new_err(format!("state has no '{name}'")))
+        };
+        let state = core::State {
+            solver: get("solver")?.extract()?,
+            size: get("size")?.extract()?,
+            fields: get("fields")?.extract()?,
+        };
+        self.inner.restore(&state).map_err(input_error)
     }
 
     /// Forgets all earlier steps.

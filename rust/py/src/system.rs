@@ -48,15 +48,15 @@ impl ConstrainedSystem {
         py.detach(|| inner.assemble(&step)).map_err(input_error)
     }
 
-    /// A, n×n.
+    /// A, n×n, before folding.
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let n = self.inner.len();
-        let flat = self.inner.matrix().as_slice().to_vec(); // symmetric: column-major is row-major
+        let flat = self.inner.full_matrix().as_slice().to_vec(); // symmetric: column-major is row-major
         flat.into_pyarray(py).reshape([n, n])
     }
 
-    /// b, n.
+    /// b, n, before folding.
     #[getter]
     fn rhs<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.inner.rhs().as_slice())

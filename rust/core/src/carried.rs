@@ -1,0 +1,117 @@
+//! H ≈ A⁺ carried from step to step, with the eigendecomposition it starts from: what the quasi-Newton solvers share.
+
+use crate::eigen::SymmetricEigen;
+use crate::error::Error;
+use crate::problem::Problem;
+use crate::solver::State;
+
+/// How far ‖x‖ may exceed the bound ‖b‖ / λ⁺ of the minimum-norm solution before a solve counts as broken down. A
+/// turning null space alone doubles ‖x‖ on the boat; 100 leaves room for λ⁺ to have changed since it was computed.
+pub const GROWTH_LIMIT: f64 = 100.0;
+
+/// The carried inverse.
+#[derive(Clone)]
+pub struct CarriedInverse {
+    /// H, `n×n`, column-major.
+    pub inverse: Vec<f64>,
+    eigen: SymmetricEigen,
+    rank_cut: f64,
+    stale: bool,
+    /// `GROWTH_LIMIT` / λ⁺ of the last eigendecomposition; infinite if H₀ was handed in.
+    largest_gain: f64,
+}
+
+impl CarriedInverse {
+    /// For `n×n`; stale until its first [`refresh`](Self::refresh).
+    #[must_use]
+    pub fn new(n: usize, rank_cut: f64) -> Self {
+        Self {
+            inverse: vec![0.0; n * n],
+            eigen: SymmetricEigen::new(n),
+            rank_cut,
+            stale: true,
+            largest_gain: f64::INFINITY,
+        }
+    }
+
+    /// The size it was made for.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.eigen.len()
+    }
+
+    /// Whether it was made for size 0.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.eigen.is_empty()
+    }
+
+    /// Whether it must be refreshed before it is used.
+    #[must_use]
+    pub const fn is_stale(&self) -> bool {
+        self.stale
+    }
+
+    /// Asks for a refresh before the next use.
+    pub const fn invalidate(&mut self) {
+        self.stale = true;
+    }
+
+    /// The last eigendecomposition.
+    #[must_use]
+    pub const fn eigen(&self) -> &SymmetricEigen {
+        &self.eigen
+    }
+
+    /// H = A⁺ from an eigendecomposition of this problem's A.
+    ///
+    /// # Errors
+    /// Those of [`SymmetricEigen::decompose`]; H stays stale then.
+    pub fn refresh(&mut self, problem: &mut Problem<'_>) -> Result<(), Error> {
+        self.stale = true;
+        self.eigen.decompose(problem.matrix(), self.rank_cut)?;
+        self.eigen.pseudo_inverse(&mut self.inverse);
+        self.largest_gain = match self.eigen.rank() {
+            0 => f64::INFINITY,
+            rank => GROWTH_LIMIT / self.eigen.value(self.eigen.len() - rank),
+        };
+        self.stale = false;
+        Ok(())
+    }
+
+    /// Takes H as it is given.
+    pub fn start_from(&mut self, inverse: &[f64]) {
+        self.inverse.copy_from_slice(inverse);
+        self.largest_gain = f64::INFINITY;
+        self.stale = false;
+    }
+
+    /// Whether ‖x‖ lies beyond what the minimum-norm solution for this ‖b‖ could be, by [`GROWTH_LIMIT`].
+    #[must_use]
+    pub fn too_large(&self, x_norm: f64, b_norm: f64) -> bool {
+        x_norm > self.largest_gain * b_norm
+    }
+
+    /// For saving.
+    #[must_use]
+    pub fn state(&self, solver: &str) -> State {
+        let state = State::new(solver, self.len());
+        if self.stale { state } else { state.with("inverse", &self.inverse) }
+    }
+
+    /// From a saved state of a checked size.
+    pub fn restore(&mut self, state: &State) {
+        if state.fields.contains_key("inverse") {
+            self.start_from(state.field("inverse"));
+        }
+    }
+}
+
+/// Checks a saved state that holds H alone.
+///
+/// # Errors
+/// [`Error::State`].
+pub fn check_state(state: &State, solver: &'static str) -> Result<(), Error> {
+    let length = if state.fields.contains_key("inverse") { state.size * state.size } else { 0 };
+    state.check(solver, &[("inverse", length)])
+}

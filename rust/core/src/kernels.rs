@@ -1,0 +1,105 @@
+//! Products with small square matrices: fixed sizes up to 8 (unrolled, nalgebra), dynamic ones beyond (faer).
+//!
+//! Matrices are flat and column-major; sizes are checked by the callers, which own the workspace.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+use nalgebra::{SMatrixView, SVectorView, SVectorViewMut};
+
+/// From here on faer's kernels beat plain loops (measured: `make bench`).
+const BLOCKED: usize = 24;
+
+/// Calls a function generic in the size for sizes 1 to 8, and another for the rest.
+macro_rules! by_size {
+    ($n:expr, $fixed:ident($($arg:expr),*), $dynamic:expr) => {
+        match $n {
+            1 => $fixed::<1>($($arg),*),
+            2 => $fixed::<2>($($arg),*),
+            3 => $fixed::<3>($($arg),*),
+            4 => $fixed::<4>($($arg),*),
+            5 => $fixed::<5>($($arg),*),
+            6 => $fixed::<6>($($arg),*),
+            7 => $fixed::<7>($($arg),*),
+            8 => $fixed::<8>($($arg),*),
+            _ => $dynamic,
+        }
+    };
+}
+pub(crate) use by_size;
+
+/// x · y.
+#[inline]
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(a, b)| a * b).sum()
+}
+
+/// ‖x‖.
+#[inline]
+pub fn norm(x: &[f64]) -> f64 {
+    dot(x, x).sqrt()
+}
+
+/// y += alpha x.
+#[inline]
+pub fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        *y += alpha * x;
+    }
+}
+
+fn gemv_fixed<const N: usize>(a: &[f64], x: &[f64], y: &mut [f64]) {
+    let a = SMatrixView::<f64, N, N>::from_slice(a);
+    let x = SVectorView::<f64, N>::from_slice(x);
+    SVectorViewMut::<f64, N>::from_slice(y).copy_from(&(a * x));
+}
+
+fn gemv_dynamic(a: &[f64], x: &[f64], y: &mut [f64]) {
+    let n = x.len();
+    if n >= BLOCKED {
+        let a = MatRef::from_column_major_slice(a, n, n);
+        let x = MatRef::from_column_major_slice(x, n, 1);
+        let y = MatMut::from_column_major_slice_mut(y, n, 1);
+        matmul(y, Accum::Replace, a, x, 1.0, Par::Seq);
+        return;
+    }
+    y.fill(0.0);
+    for (column, &entry) in a.chunks_exact(n).zip(x) {
+        axpy(entry, column, y);
+    }
+}
+
+/// y = A x, A square of the size of x.
+#[inline]
+pub fn gemv(a: &[f64], x: &[f64], y: &mut [f64]) {
+    by_size!(x.len(), gemv_fixed(a, x, y), gemv_dynamic(a, x, y));
+}
+
+fn rank_one_fixed<const N: usize>(alpha: f64, w: &[f64], a: &mut [f64]) {
+    for col in 0..N {
+        let scaled = alpha * w[col];
+        for row in 0..N {
+            a[col * N + row] += w[row] * scaled;
+        }
+    }
+}
+
+fn rank_one_dynamic(alpha: f64, w: &[f64], a: &mut [f64]) {
+    for (column, &entry) in a.chunks_exact_mut(w.len()).zip(w) {
+        axpy(alpha * entry, w, column);
+    }
+}
+
+/// A += alpha w wᵀ.
+#[inline]
+pub fn rank_one(alpha: f64, w: &[f64], a: &mut [f64]) {
+    by_size!(w.len(), rank_one_fixed(alpha, w, a), rank_one_dynamic(alpha, w, a));
+}
+
+/// A += alpha (u vᵀ + v uᵀ).
+#[inline]
+pub fn rank_two(alpha: f64, u: &[f64], v: &[f64], a: &mut [f64]) {
+    for ((column, &u_entry), &v_entry) in a.chunks_exact_mut(u.len()).zip(u).zip(v) {
+        axpy(alpha * v_entry, u, column);
+        axpy(alpha * u_entry, v, column);
+    }
+}

@@ -1,0 +1,110 @@
+//! What a solver sees of one step: A as an operator, b, and A itself where it asks for it.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::kernels::{axpy, dot, gemv};
+
+/// What a solver works with. A hint: whatever it asks of a [`Problem`], it gets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Needs {
+    /// Products A x only; A is formed only if the solver calls [`Problem::matrix`].
+    Operator,
+    /// A itself.
+    Dense,
+}
+
+/// What is wanted of a solver.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Wanted {
+    /// The minimum-norm multipliers A⁺ b.
+    #[default]
+    Multipliers,
+    /// Any multipliers that give the right acceleration: any least-squares solution of A x = b.
+    Acceleration,
+}
+
+/// A x = b of one step after folding: A = Wᵀ W + diag(R) with W = L⁻¹ Jrᵀ (nv×n), or A dense as it was given.
+#[derive(Debug)]
+pub struct Problem<'a> {
+    /// What is wanted.
+    pub wanted: Wanted,
+    pub(crate) whitened: &'a DMatrix<f64>,
+    pub(crate) softness: Option<&'a [f64]>,
+    pub(crate) dense: &'a mut DMatrix<f64>,
+    pub(crate) formed: &'a mut bool,
+    pub(crate) rhs: &'a DVector<f64>,
+    pub(crate) work: &'a mut [f64],
+}
+
+impl Problem<'_> {
+    /// Number of rows n.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.rhs.len()
+    }
+
+    /// Whether there are no rows.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rhs.is_empty()
+    }
+
+    /// b, `n`.
+    #[must_use]
+    pub fn rhs(&self) -> &[f64] {
+        self.rhs.as_slice()
+    }
+
+    /// y = A x. Uses A itself if it has been formed.
+    pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
+        if *self.formed {
+            gemv(self.dense.as_slice(), x, y);
+            return;
+        }
+        let nv = self.work.len();
+        self.work.fill(0.0);
+        for (column, &entry) in self.whitened.as_slice().chunks_exact(nv).zip(x) {
+            axpy(entry, column, self.work);
+        }
+        for (column, entry) in self.whitened.as_slice().chunks_exact(nv).zip(y.iter_mut()) {
+            *entry = dot(column, self.work);
+        }
+        if let Some(softness) = self.softness {
+            for ((entry, softness), x) in y.iter_mut().zip(softness).zip(x) {
+                *entry += softness * x;
+            }
+        }
+    }
+
+    /// A, `n×n`; formed at the first call of a step.
+    pub fn matrix(&mut self) -> &DMatrix<f64> {
+        if !*self.formed {
+            let (n, nv) = (self.len(), self.work.len());
+            let columns = self.whitened.as_slice();
+            for col in 0..n {
+                for row in 0..=col {
+                    let entry = dot(&columns[row * nv..(row + 1) * nv], &columns[col * nv..(col + 1) * nv]);
+                    self.dense[(row, col)] = entry;
+                    self.dense[(col, row)] = entry;
+                }
+            }
+            if let Some(softness) = self.softness {
+                for (i, value) in softness.iter().enumerate() {
+                    self.dense[(i, i)] += value;
+                }
+            }
+            *self.formed = true;
+        }
+        self.dense
+    }
+
+    /// trace(A): a bound of ‖A‖ from above, and n times it from below.
+    #[must_use]
+    pub fn trace(&self) -> f64 {
+        if *self.formed {
+            return self.dense.trace();
+        }
+        let softness = self.softness.map_or(0.0, |softness| softness.iter().sum());
+        dot(self.whitened.as_slice(), self.whitened.as_slice()) + softness
+    }
+}
