@@ -5,7 +5,7 @@
 use std::time::Instant;
 
 use oarlock_core::test_problems::{ROWS, boat};
-use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS, make_solver};
+use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS, Wanted, make_solver};
 
 const ROUNDS: usize = 15;
 const STEPS: usize = 2000;
@@ -22,18 +22,18 @@ fn systems() -> Vec<ConstrainedSystem> {
         .collect()
 }
 
-fn round(solver: &mut dyn MultiplierSolver, systems: &[ConstrainedSystem]) -> f64 {
+fn round(solver: &mut dyn MultiplierSolver, systems: &mut [ConstrainedSystem]) -> f64 {
     let mut x = [0.0; ROWS];
     solver.reset();
     let start = Instant::now();
-    for system in systems {
-        solver.solve(system, &mut x).expect("the boat is a valid system");
+    for system in systems.iter_mut() {
+        system.solve(solver, Wanted::Multipliers, &mut x).expect("the boat is a valid system");
     }
     start.elapsed().as_secs_f64() * 1e9 / systems.len() as f64
 }
 
 fn main() {
-    let systems = systems();
+    let mut systems = systems();
     let mut solvers: Vec<_> = SOLVERS
         .iter()
         .map(|kind| make_solver(kind.name, &Options::new()).expect("defaults are valid"))
@@ -41,7 +41,7 @@ fn main() {
     let mut times = vec![Vec::new(); solvers.len()];
     for _ in 0..ROUNDS {
         for (solver, times) in solvers.iter_mut().zip(&mut times) {
-            times.push(round(&mut **solver, &systems));
+            times.push(round(&mut **solver, &mut systems));
         }
     }
     let medians: Vec<f64> = times

@@ -15,7 +15,7 @@
 use crate::kernels::{axpy, dot, norm};
 
 /// A row counts as proportional to another when it differs from its multiple by no more than this part of its length,
-/// and as zero when it is no longer than this part of the longest row. Rows that are the same in exact arithmetic differ
+/// and as zero when none of its entries exceeds this part of the largest one. Rows that are the same in exact arithmetic differ
 /// by a few rounding errors of the anchors' coordinates; 1e-12 leaves room for long kinematic chains.
 pub const FOLD_TOLERANCE: f64 = 1e-12;
 
@@ -51,9 +51,9 @@ impl Fold {
     #[must_use]
     pub fn find(rows: &[f64], width: usize) -> Self {
         let mut fold = Self::default();
-        let floor = FOLD_TOLERANCE * longest(rows, width);
+        let floor = FOLD_TOLERANCE * largest(rows);
         for (index, row) in rows.chunks_exact(width).enumerate() {
-            if norm(row) <= floor {
+            if largest(row) <= floor {
                 fold.members.push(None);
                 continue;
             }
@@ -77,16 +77,16 @@ impl Fold {
         if self.is_identity() {
             return true;
         }
-        let floor = FOLD_TOLERANCE * longest(rows, width);
+        let floor = FOLD_TOLERANCE * largest(rows);
         for (index, member) in self.members.iter_mut().enumerate() {
             let row = &rows[index * width..(index + 1) * width];
             match member {
-                None if norm(row) > floor => return false,
+                None if largest(row) > floor => return false,
                 None => {}
                 Some(member) => {
                     let representative = self.representatives[member.class];
                     if representative == index {
-                        if norm(row) <= floor {
+                        if largest(row) <= floor {
                             return false;
                         }
                         continue;
@@ -165,8 +165,9 @@ fn row_of(rows: &[f64], width: usize, index: usize) -> &[f64] {
     &rows[index * width..(index + 1) * width]
 }
 
-fn longest(rows: &[f64], width: usize) -> f64 {
-    rows.chunks_exact(width).map(norm).fold(0.0, f64::max)
+/// The largest entry, which unlike the length neither overflows nor underflows.
+fn largest(entries: &[f64]) -> f64 {
+    entries.iter().fold(0.0, |largest, entry| largest.max(entry.abs()))
 }
 
 /// t with row = t · representative, if there is one.
@@ -179,7 +180,8 @@ fn fit(row: &[f64], representative: &[f64]) -> Option<f64> {
         return None;
     }
     let gap = row.iter().zip(representative).map(|(a, b)| (a - factor * b).powi(2)).sum::<f64>().sqrt();
-    (gap <= FOLD_TOLERANCE * length).then_some(factor)
+    // Lengths overflow beyond 1e154; rows of that size stay as they are.
+    (gap <= FOLD_TOLERANCE * length && length.is_finite()).then_some(factor)
 }
 
 /// Adds `scale` times a row to another; used to form the reduced rows.

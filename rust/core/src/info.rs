@@ -6,9 +6,11 @@
 pub enum Status {
     /// The stopping test of the solver was met.
     Converged,
-    /// The iteration limit was reached first; the multipliers come from a refresh.
+    /// The iteration limit was reached first, or nothing was left to gain. The multipliers come from a refresh where the
+    /// solver carries an inverse, and are the best it has met where it does not.
     IterationLimit,
-    /// A number overflowed; the multipliers come from a refresh.
+    /// The iteration could not go on: an overflow, an x beyond all bounds, no curvature or no progress. The multipliers are
+    /// those of [`IterationLimit`](Self::IterationLimit).
     Breakdown,
 }
 

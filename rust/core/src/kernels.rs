@@ -11,16 +11,16 @@ const BLOCKED: usize = 24;
 
 /// Calls a function generic in the size for sizes 1 to 8, and another for the rest.
 macro_rules! by_size {
-    ($n:expr, $fixed:ident($($arg:expr),*), $dynamic:expr) => {
+    ($n:expr, $($fixed:ident)::+($($arg:expr),*), $dynamic:expr) => {
         match $n {
-            1 => $fixed::<1>($($arg),*),
-            2 => $fixed::<2>($($arg),*),
-            3 => $fixed::<3>($($arg),*),
-            4 => $fixed::<4>($($arg),*),
-            5 => $fixed::<5>($($arg),*),
-            6 => $fixed::<6>($($arg),*),
-            7 => $fixed::<7>($($arg),*),
-            8 => $fixed::<8>($($arg),*),
+            1 => $($fixed)::+::<1>($($arg),*),
+            2 => $($fixed)::+::<2>($($arg),*),
+            3 => $($fixed)::+::<3>($($arg),*),
+            4 => $($fixed)::+::<4>($($arg),*),
+            5 => $($fixed)::+::<5>($($arg),*),
+            6 => $($fixed)::+::<6>($($arg),*),
+            7 => $($fixed)::+::<7>($($arg),*),
+            8 => $($fixed)::+::<8>($($arg),*),
             _ => $dynamic,
         }
     };

@@ -29,7 +29,10 @@
 //! | [`system`] | [`ConstrainedSystem`](system::ConstrainedSystem): A and b of that step, and the way back from λ to a |
 //! | [`solver`] | [`MultiplierSolver`](solver::MultiplierSolver): the trait, and the registry of names |
 //! | [`sr1`] | the paper's algorithm (11): an SR1 iteration that carries A⁺ from step to step |
+//! | [`quasi_newton`] | what the paper compares with: SR1, BFGS and DFP with line search, carried the same way |
 //! | [`pinv`] | the reference: pseudo-inverse from a symmetric eigendecomposition |
+//! | [`regularised`] | Cholesky of A + ε E with proximal steps: what regularising engines do |
+//! | [`cg`], [`minres`] | conjugate gradients and minimum residuals, in the frame of [`krylov`] |
 //! | [`eigen`] | the eigendecomposition behind both, with its rank cut |
 //! | [`params`], [`info`], [`error`] | what is asked, what came out, what was wrong with the input |
 //! | [`time_law`] | scalar laws of time, for drives |
@@ -57,20 +60,28 @@
 //! J. Baumgarte, "Stabilization of constraints and integrals of motion in dynamical systems", CMAME 1 (1972) 1–16.
 
 pub mod carried;
+pub mod cg;
+pub mod cholesky;
 pub mod eigen;
 pub mod error;
 pub mod fold;
 pub mod info;
 mod kernels;
+pub mod krylov;
+pub mod minres;
+pub mod null_space;
 pub mod params;
 pub mod pinv;
 pub mod problem;
+pub mod quasi_newton;
+pub mod regularised;
 pub mod solver;
 pub mod sr1;
 pub mod step;
 pub mod system;
 pub mod test_problems;
 pub mod time_law;
+pub mod tracked;
 
 pub use error::Error;
 pub use info::{Info, Status};

@@ -61,6 +61,14 @@ impl Reader<'_> {
         self.read(option, default, "a finite number > 0", |v| v.is_finite() && v > 0.0)
     }
 
+    /// A number in [0, ∞).
+    ///
+    /// # Errors
+    /// [`Error::OptionValue`] outside that range.
+    pub fn non_negative(&mut self, option: &'static str, default: f64) -> Result<f64, Error> {
+        self.read(option, default, "a finite number ≥ 0", |v| v.is_finite() && v >= 0.0)
+    }
+
     /// A number in [0, 1).
     ///
     /// # Errors
@@ -78,6 +86,27 @@ impl Reader<'_> {
         let value = self.read(option, f64::from(default), "a whole number from 1 to 1000000", valid)?;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
         Ok(value as usize)
+    }
+
+    /// A whole number from 0 to `most`.
+    ///
+    /// # Errors
+    /// [`Error::OptionValue`] outside that range or with a fraction.
+    pub fn count_to(&mut self, option: &'static str, default: u32, most: usize) -> Result<usize, Error> {
+        let valid = |v: f64| v.fract() == 0.0 && v >= 0.0 && v <= most as f64;
+        let value = self.read(option, f64::from(default), "a small whole number ≥ 0", valid)?;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
+        Ok(value as usize)
+    }
+
+    /// Off (0) or on (1).
+    ///
+    /// # Errors
+    /// [`Error::OptionValue`] for anything else.
+    pub fn switch(&mut self, option: &'static str, default: bool) -> Result<bool, Error> {
+        let valid = |v: f64| v.fract() == 0.0 && (0.0..=1.0).contains(&v);
+        let value = self.read(option, f64::from(u8::from(default)), "a switch: 0 or 1", valid)?;
+        Ok(value != 0.0)
     }
 
     /// Refuses the options that nobody read.

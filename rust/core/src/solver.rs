@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::info::Info;
 use crate::params::Options;
 use crate::problem::{Needs, Problem};
-use crate::{pinv, sr1};
+use crate::{cg, cholesky, minres, pinv, quasi_newton, regularised, sr1, tracked};
 
 /// Solves A x = b, one step after another. A solver owns its workspace and whatever it carries between steps.
 ///
@@ -79,6 +79,18 @@ impl State {
         self.fields.get(name).map_or(&[], Vec::as_slice)
     }
 
+    /// A whole number from 0 to `most` that was saved as a float.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub fn count(value: f64, most: usize, solver: &'static str) -> Result<usize, Error> {
+        if value.fract() == 0.0 && value >= 0.0 && value <= most as f64 {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
+            return Ok(value as usize);
+        }
+        Err(Error::State { expected: solver, got: format!("one with a count of {value}") })
+    }
+
     /// Checks that it is this solver's and that its fields have these lengths and are finite.
     ///
     /// # Errors
@@ -108,7 +120,18 @@ pub struct SolverKind {
 }
 
 /// Every solver. A new one is one file and one line here.
-pub static SOLVERS: &[SolverKind] = &[sr1::KIND, pinv::KIND];
+pub static SOLVERS: &[SolverKind] = &[
+    sr1::KIND,
+    tracked::KIND,
+    quasi_newton::SR1_CLASSIC,
+    quasi_newton::BFGS,
+    quasi_newton::DFP,
+    pinv::KIND,
+    cholesky::KIND,
+    regularised::KIND,
+    cg::KIND,
+    minres::KIND,
+];
 
 /// Looks a solver up by its name.
 ///

@@ -23,13 +23,13 @@
 //! the stopping test is out of reach for a small ε; further updates then come from rounding and wreck H. This file
 //! stays faithful, so that both show. It only refuses to hand garbage on. The minimum-norm solution obeys
 //! ‖A⁺b‖ ≤ ‖b‖ / λ⁺, with λ⁺ the smallest eigenvalue above the cut; an x beyond [`GROWTH_LIMIT`](crate::carried::GROWTH_LIMIT) times that meets the
-//! residual only through eigenvalues that are zero to rounding, and counts as [`Status::Breakdown`]. A solve that ends
+//! residual only through eigenvalues that are zero to rounding, and counts as [`Breakdown`](crate::Status::Breakdown). A solve that ends
 //! without convergence says so, recomputes H = A⁺ from an eigendecomposition ([`Info::refreshed`]) and gives x = A⁺ b.
 
-use crate::carried::{CarriedInverse, check_state};
+use crate::carried::{CarriedInverse, Iterate, check_state};
 use crate::eigen::RANK_CUT;
 use crate::error::{Error, check_len};
-use crate::info::{Info, Status};
+use crate::info::Info;
 use crate::kernels::{axpy, dot, gemv, norm, rank_one};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem};
@@ -74,9 +74,8 @@ impl Params for Sr1Params {
 pub struct Sr1 {
     params: Sr1Params,
     carried: CarriedInverse,
-    x: Vec<f64>,
+    at: Iterate,
     y: Vec<f64>,
-    r: Vec<f64>,
     hr: Vec<f64>,
 }
 
@@ -84,13 +83,16 @@ impl Sr1 {
     /// A solver with these parameters; its first solve takes H₀ from an eigendecomposition.
     #[must_use]
     pub fn new(params: Sr1Params) -> Self {
+        Self::sized(params, 0)
+    }
+
+    fn sized(params: Sr1Params, n: usize) -> Self {
         Self {
             params,
-            carried: CarriedInverse::new(0, params.rank_cut),
-            x: Vec::new(),
-            y: Vec::new(),
-            r: Vec::new(),
-            hr: Vec::new(),
+            carried: CarriedInverse::new(n, params.rank_cut),
+            at: Iterate::new(n),
+            y: vec![0.0; n],
+            hr: vec![0.0; n],
         }
     }
 
@@ -115,24 +117,9 @@ impl Sr1 {
     }
 
     fn resize(&mut self, n: usize) {
-        if self.x.len() == n {
-            return;
+        if self.y.len() != n {
+            *self = Self::sized(self.params, n);
         }
-        let vector = || vec![0.0; n];
-        *self = Self {
-            params: self.params,
-            carried: CarriedInverse::new(n, self.params.rank_cut),
-            x: vector(),
-            y: vector(),
-            r: vector(),
-            hr: vector(),
-        };
-    }
-
-    /// r = A x − b.
-    fn residual(&mut self, problem: &mut Problem<'_>) {
-        problem.apply(&self.x, &mut self.r);
-        axpy(-1.0, problem.rhs(), &mut self.r);
     }
 }
 
@@ -149,68 +136,35 @@ impl MultiplierSolver for Sr1 {
         let n = problem.len();
         check_len("x", x.len(), &[n])?;
         self.resize(n);
-        let b_norm = norm(problem.rhs());
-        let mut refreshed = self.carried.is_stale();
-        if refreshed {
-            self.carried.refresh(problem)?;
-        }
-
-        gemv(&self.carried.inverse, problem.rhs(), &mut self.x);
-        self.residual(problem);
+        let Self { params, carried, at, y, hr } = self;
+        at.begin(carried, problem)?;
+        at.solve_with(carried, problem);
         // y₀ = A x₁ = r₁ + b
-        self.y.copy_from_slice(&self.r);
-        axpy(1.0, problem.rhs(), &mut self.y);
-        let (mut iterations, mut products, mut fallbacks) = (0, 2, 0);
+        y.copy_from_slice(&at.r);
+        axpy(1.0, problem.rhs(), y);
         let status = loop {
-            let r_norm = norm(&self.r);
-            if !r_norm.is_finite() || self.carried.too_large(norm(&self.x), b_norm) {
-                break Status::Breakdown;
+            if let Some(status) = at.verdict(carried, params.eps_abs, params.max_iterations) {
+                break status;
             }
-            if r_norm <= self.params.eps_abs {
-                break Status::Converged;
-            }
-            if iterations == self.params.max_iterations {
-                break Status::IterationLimit;
-            }
-            gemv(&self.carried.inverse, &self.r, &mut self.hr);
-            let denominator = dot(&self.hr, &self.y);
+            gemv(&carried.inverse, &at.r, hr);
+            let denominator = dot(hr, y);
             let mut step = -1.0;
-            if denominator.abs() > self.params.guard * norm(&self.hr) * norm(&self.y) {
-                step += dot(&self.r, &self.hr) / denominator;
-                rank_one(-denominator.recip(), &self.hr, &mut self.carried.inverse);
+            if denominator.abs() > params.guard * norm(hr) * norm(y) {
+                step += dot(&at.r, hr) / denominator;
+                rank_one(-denominator.recip(), hr, &mut carried.inverse);
             } else {
-                fallbacks += 1;
+                at.fallbacks += 1;
             }
-            axpy(step, &self.hr, &mut self.x);
-            self.y.copy_from_slice(&self.r);
-            self.residual(problem);
-            for (y, r) in self.y.iter_mut().zip(&self.r) {
+            axpy(step, hr, &mut at.x);
+            y.copy_from_slice(&at.r);
+            at.residual(problem);
+            for (y, r) in y.iter_mut().zip(&at.r) {
                 *y = r - *y;
             }
-            iterations += 1;
-            products += 2;
+            at.iterations += 1;
+            at.products += 1;
         };
-
-        if status != Status::Converged {
-            self.carried.refresh(problem)?;
-            refreshed = true;
-            gemv(&self.carried.inverse, problem.rhs(), &mut self.x);
-            self.residual(problem);
-            products += 2;
-        }
-        x.copy_from_slice(&self.x);
-        Ok(Info {
-            status,
-            iterations,
-            products,
-            residual_rel: if b_norm == 0.0 { 0.0 } else { norm(&self.r) / b_norm },
-            inconsistency: None,
-            rank: None,
-            null_residual: None,
-            refreshed,
-            fallbacks,
-            ..Info::trivial(0.0)
-        })
+        at.finish(status, carried, problem, x)
     }
 
     fn reset(&mut self) {

@@ -25,6 +25,8 @@ pub const SYMMETRY_TOLERANCE: f64 = 1e-10;
 #[derive(Debug, Clone, Default)]
 pub struct ConstrainedSystem {
     fold: Fold,
+    /// Whether the fold was found, on hard rows of this shape.
+    planned: bool,
     /// Times that a fold had to be found anew since the first one.
     refolds: usize,
     refolded: bool,
@@ -131,13 +133,15 @@ impl ConstrainedSystem {
         };
         self.refolded = false;
         if !foldable {
+            self.planned = false;
             if !(self.fold.is_identity() && self.fold.rows() == n) {
                 self.fold = Fold::identity(n);
             }
-        } else if !self.fold.refit(rows, width) {
-            self.refolded = self.fold.rows() == n;
+        } else if !(self.planned && self.fold.refit(rows, width)) {
+            self.refolded = self.planned;
             self.refolds += usize::from(self.refolded);
             self.fold = Fold::find(rows, width);
+            self.planned = true;
         }
         let reduced = self.fold.reduced();
         if self.rhs.len() != reduced || self.dense.nrows() != reduced {

@@ -3,9 +3,14 @@
 mod support;
 
 use std::collections::BTreeSet;
+use std::marker::PhantomData;
 
+use oarlock_core::krylov::KrylovParams;
+use oarlock_core::minres::Minres;
 use oarlock_core::params::Params;
 use oarlock_core::pinv::PinvParams;
+use oarlock_core::quasi_newton::{Bfgs, QuasiNewtonParams};
+use oarlock_core::regularised::RegularisedParams;
 use oarlock_core::solver::find_solver;
 use oarlock_core::sr1::Sr1Params;
 use oarlock_core::{Options, SOLVERS, make_solver};
@@ -23,7 +28,8 @@ fn refusal(name: &str, options: &Options) -> String {
 fn the_registry_is_complete_and_its_names_are_unique() {
     let names = SOLVERS.iter().map(|kind| kind.name).collect::<BTreeSet<_>>();
     assert_eq!(names.len(), SOLVERS.len(), "{names:?}");
-    assert!(names.is_superset(&BTreeSet::from(["pinv", "sr1"])), "{names:?}");
+    let expected = ["sr1", "sr1-classic", "bfgs", "dfp", "pinv", "cholesky-regularised", "cg", "minres"];
+    assert!(names.is_superset(&BTreeSet::from(expected)), "{names:?}");
     assert!(SOLVERS.iter().all(|kind| !kind.summary.is_empty()));
 }
 
@@ -36,7 +42,7 @@ fn every_solver_builds_from_its_listed_defaults_and_solves() {
         let mut solver = make_solver(kind.name, &options).expect(kind.name);
         assert_eq!(solver.name(), kind.name);
         assert_eq!(find_solver(kind.name).unwrap().summary, kind.summary);
-        let (x, _) = solve(&mut *solver, &diagonal(&[2.0, 4.0]));
+        let (x, _) = solve(&mut *solver, &mut diagonal(&[2.0, 4.0]));
         assert_within(kind.name, (x[0] - 0.5).abs().max((x[1] - 0.25).abs()), 1e-6); // sr1 stops at eps_abs = 1e-6
     }
 }
@@ -81,19 +87,22 @@ fn no_option_takes_a_number_that_is_not_finite_or_negative() {
 fn the_ranges_end_where_they_say() {
     let (positive, fraction, count) =
         ("a finite number > 0", "a number in [0, 1)", "a whole number from 1 to 1000000");
-    for (option, inside, outside, range) in [
-        ("eps_abs", [f64::MIN_POSITIVE, 1e300], [0.0, -1e-300], positive),
-        ("guard", [0.0, 0.999], [1.0, -1e-300], fraction),
-        ("rank_cut", [0.0, 0.999], [1.0, 2.0], fraction),
-        ("max_iterations", [1.0, 1e6], [0.0, 1_000_001.0], count),
-        ("max_iterations", [2.0, 50.0], [0.5, 2.5], count),
+    let (non_negative, switch) = ("a finite number ≥ 0", "a switch: 0 or 1");
+    for (solver, option, inside, outside, range) in [
+        ("sr1", "eps_abs", [f64::MIN_POSITIVE, 1e300], [0.0, -1e-300], positive),
+        ("sr1", "guard", [0.0, 0.999], [1.0, -1e-300], fraction),
+        ("sr1", "rank_cut", [0.0, 0.999], [1.0, 2.0], fraction),
+        ("sr1", "max_iterations", [1.0, 1e6], [0.0, 1_000_001.0], count),
+        ("sr1", "max_iterations", [2.0, 50.0], [0.5, 2.5], count),
+        ("bfgs", "rtol", [0.0, 1e300], [-1e-300, f64::INFINITY], non_negative),
+        ("cg", "warm", [0.0, 1.0], [0.5, 2.0], switch),
     ] {
         for value in inside {
-            assert!(make_solver("sr1", &Options::new().with(option, value)).is_ok(), "{option} = {value}");
+            assert!(make_solver(solver, &Options::new().with(option, value)).is_ok(), "{option} = {value}");
         }
         for value in outside {
-            let message = refusal("sr1", &Options::new().with(option, value));
-            assert_eq!(message, format!("option {option} = {value} of solver 'sr1', expected {range}"));
+            let message = refusal(solver, &Options::new().with(option, value));
+            assert_eq!(message, format!("option {option} = {value} of solver '{solver}', expected {range}"));
         }
     }
 }
@@ -110,4 +119,25 @@ fn every_option_reaches_its_parameter_and_the_last_value_counts() {
     assert_eq!(Sr1Params::from_options(&options), Ok(expected));
     let options = Options::new().with("rank_cut", 0.125);
     assert_eq!(PinvParams::from_options(&options), Ok(PinvParams { rank_cut: 0.125 }));
+    let options = Options::new()
+        .with("eps_abs", 1e-3)
+        .with("rtol", 0.5)
+        .with("guard", 0.25)
+        .with("max_iterations", 7.0)
+        .with("rank_cut", 0.125);
+    let expected = QuasiNewtonParams {
+        eps_abs: 1e-3,
+        rtol: 0.5,
+        guard: 0.25,
+        max_iterations: 7,
+        rank_cut: 0.125,
+        update: Bfgs,
+    };
+    assert_eq!(QuasiNewtonParams::from_options(&options), Ok(expected));
+    let options = Options::new().with("rtol", 0.5).with("max_iterations", 7.0).with("warm", 0.0);
+    let expected = KrylovParams { rtol: 0.5, max_iterations: 7, warm: false, method: PhantomData::<Minres> };
+    assert_eq!(KrylovParams::from_options(&options), Ok(expected));
+    let options = options.with("epsilon", 1e-3).with("warm", 1.0);
+    let expected = RegularisedParams { epsilon: 1e-3, rtol: 0.5, max_iterations: 7, warm: true };
+    assert_eq!(RegularisedParams::from_options(&options), Ok(expected));
 }

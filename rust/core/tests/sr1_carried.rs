@@ -6,7 +6,7 @@ mod support;
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::sr1::{Sr1, Sr1Params};
 use oarlock_core::test_problems::{NV, PAPER_ITERATIONS, ROWS, boat};
-use oarlock_core::{ConstrainedSystem, Error, MultiplierSolver, Status};
+use oarlock_core::{ConstrainedSystem, Error, MultiplierSolver, Status, Wanted};
 use support::{ROUNDING, assert_within, diagonal, rows, solve, solver};
 
 /// The defaults, written out: the frozen counts are theirs.
@@ -32,9 +32,12 @@ fn the_boat_takes_the_iterations_of_the_paper_and_loses_the_minimum_norm() {
     for k in 0..BOAT_STEPS {
         let step = boat(1e-3 * f64::from(k));
         system.assemble(&step.view()).unwrap();
-        let (x, info) = solve(&mut sr1, &system);
-        assert_eq!((info.status, info.refreshed, info.fallbacks), (Status::Converged, k == 0, 0), "step {k}");
-        assert!(k > 0 || info.iterations == 0, "the first H₀ is exact");
+        let (x, info) = solve(&mut sr1, &mut system);
+        // At t = 0 two rows of each oar happen to be proportional. The fold that they make holds for that step only, and
+        // the system that follows it has another size.
+        assert_eq!((info.folded, info.refolded), (if k == 0 { 2 } else { 0 }, k == 1), "step {k}");
+        assert_eq!((info.status, info.refreshed, info.fallbacks), (Status::Converged, k <= 1, 0), "step {k}");
+        assert!(k > 1 || info.iterations == 0, "the first H₀ is exact");
         total += info.iterations;
         most = most.max(info.iterations);
 
@@ -51,12 +54,12 @@ fn the_boat_takes_the_iterations_of_the_paper_and_loses_the_minimum_norm() {
         );
 
         if k % COMPARED == 0 {
-            let minimum = solve(&mut *pinv, &system).0;
+            let minimum = solve(&mut *pinv, &mut system).0;
             worst = worst.max((x - &minimum).norm() / minimum.norm());
         }
     }
     // Frozen; they move with a few roundings of libm or the eigensolver, and are then updated on purpose.
-    assert_eq!((total, most), (23_984, 3));
+    assert_eq!((total, most), (23_982, 3));
     let mean = f64::from(u32::try_from(total).unwrap()) / f64::from(BOAT_STEPS);
     assert_within("mean iterations against the paper", (mean - PAPER_ITERATIONS).abs(), PAPER_BAND);
     // The published shortcoming: range(H) stays where the oars pointed at t = 0, and they turn up to 60° from there.
@@ -64,58 +67,69 @@ fn the_boat_takes_the_iterations_of_the_paper_and_loses_the_minimum_norm() {
     assert_within("largest min-norm error is tan 60°", (worst - turned).abs(), STOPPED);
 }
 
+/// The third row is the sum of the others: redundant, and nothing to fold.
+const SUM: [[f64; 3]; 3] = [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 2.0]];
+
 /// What an ugly case does: status, iterations, fallbacks.
 type Outcome = (Status, usize, usize);
 
 #[test]
 fn ugly_changes_keep_their_frozen_counts() {
-    use Status::{Breakdown, Converged, IterationLimit};
-    let (one, ones, half) = ([[1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]]);
-    let nearly = [[1.0 + 1e-7, 0.0], [0.0, 1.0 - 1e-7]];
-    let cases: [(&str, _, _, _, Outcome); 11] = [
-        ("nothing changes", ones, ones, [1.0, 1.0], (Converged, 0, 0)),
-        ("b = 0", ones, one, [0.0, 0.0], (Converged, 0, 0)),
-        ("A doubles", one, [[2.0, 0.0], [0.0, 2.0]], [1.0, 3.0], (Converged, 1, 0)),
-        ("A shrinks within GROWTH_LIMIT", one, [[0.02, 0.0], [0.0, 0.02]], [1.0, 3.0], (Converged, 1, 0)),
-        ("A shrinks beyond it", one, [[1e-6, 0.0], [0.0, 1e-6]], [1.0, 3.0], (Breakdown, 1, 0)),
-        (
-            "eigenvalues swap",
-            [[2.0, 0.0], [0.0, 1.0]],
-            [[1.0, 0.0], [0.0, 2.0]],
-            [1.0, 1.0],
-            (Converged, 2, 0),
-        ),
-        ("the denominator vanishes", one, nearly, [1e3, 1e3], (Converged, 1, 1)),
-        ("a row becomes redundant", one, ones, [1.0, 1.0], (Converged, 1, 0)),
-        ("a row appears: b leaves range(H)", half, one, [1.0, 1.0], (IterationLimit, 50, 50)),
-        ("a zero row asks for something", half, half, [1.0, 1.0], (IterationLimit, 50, 50)),
-        ("A vanishes", one, [[0.0; 2]; 2], [1.0, 1.0], (IterationLimit, 50, 50)),
+    use Status::{Breakdown, Converged};
+    let diag = |a, b, c| [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]];
+    let (one, ones) = (diag(1.0, 1.0, 1.0), [1.0; 3]);
+    let sum = SUM;
+    let cases: [(&str, _, _, _, Outcome); 9] = [
+        ("nothing changes", sum, sum, [1.0, 1.0, 2.0], (Converged, 0, 0)),
+        ("b = 0", sum, one, [0.0; 3], (Converged, 0, 0)),
+        ("A doubles", one, diag(2.0, 2.0, 2.0), [1.0, 3.0, 5.0], (Converged, 1, 0)),
+        ("A shrinks within GROWTH_LIMIT", one, diag(0.02, 0.02, 0.02), [1.0, 3.0, 5.0], (Converged, 1, 0)),
+        ("A shrinks beyond it", one, diag(1e-6, 1e-6, 1e-6), [1.0, 3.0, 5.0], (Breakdown, 1, 0)),
+        ("eigenvalues swap", diag(2.0, 1.0, 1.0), diag(1.0, 2.0, 1.0), ones, (Converged, 2, 0)),
+        ("the denominator vanishes", one, diag(1.0 + 1e-7, 1.0 - 1e-7, 1.0), [1e3; 3], (Converged, 1, 1)),
+        ("a row becomes redundant", one, sum, [1.0, 1.0, 2.0], (Converged, 1, 0)),
+        ("A nearly vanishes", one, diag(1.0, 1e-11, 1e-11), ones, (Breakdown, 2, 1)),
     ];
     for (name, before, after, rhs, outcome) in cases {
         let mut sr1 = Sr1::new(PARAMS);
-        assert!(solve(&mut sr1, &rows(before, [1.0, 1.0])).1.refreshed);
-        let (x, info) = solve(&mut sr1, &rows(after, rhs));
+        assert!(solve(&mut sr1, &mut rows(before, ones)).1.refreshed);
+        let (x, info) = solve(&mut sr1, &mut rows(after, rhs));
         assert_eq!((info.status, info.iterations, info.fallbacks), outcome, "{name}");
         assert_eq!(info.refreshed, info.status != Converged, "{name}");
-        assert_eq!(info.products, 2 * info.iterations + 3 + usize::from(info.refreshed), "{name}");
+        assert_eq!(info.products, 2 + 2 * info.iterations + 2 * usize::from(info.refreshed), "{name}");
         if info.refreshed {
-            let reference = solve(&mut *solver("pinv"), &rows(after, rhs)).0;
+            let reference = solve(&mut *solver("pinv"), &mut rows(after, rhs)).0;
             assert_within(name, (x - &reference).norm(), ROUNDING * reference.norm());
         }
     }
 }
 
+/// Where b lies outside range(H), rounding decides how a solve ends; the answer is right or fresh whichever way.
+#[test]
+fn a_solve_that_only_rounding_can_end_gives_no_garbage() {
+    let one = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for (name, after) in [("a row appears", one), ("redundant rows contradict", SUM)] {
+        let (mut sr1, mut system) = (Sr1::new(PARAMS), rows(after, [1.0, 1.0, 0.0]));
+        solve(&mut sr1, &mut rows(SUM, [1.0, 1.0, 2.0]));
+        let (x, info) = solve(&mut sr1, &mut system);
+        assert_eq!(info.refreshed, info.status != Status::Converged, "{name}");
+        let reference = solve(&mut *solver("pinv"), &mut system).0;
+        let tolerance = if info.refreshed { ROUNDING } else { PARAMS.eps_abs };
+        assert_within(name, (x - &reference).norm(), tolerance * reference.norm());
+    }
+}
+
 #[test]
 fn the_iteration_limit_is_kept_and_followed_by_a_refresh() {
-    let (before, after) = (diagonal(&[1.0, 1.0, 1.0, 1.0]), diagonal(&[1.1, 1.2, 1.3, 1.4]));
+    let (mut before, mut after) = (diagonal(&[1.0, 1.0, 1.0, 1.0]), diagonal(&[1.1, 1.2, 1.3, 1.4]));
     for max_iterations in 0..=4 {
         let mut sr1 = Sr1::new(Sr1Params { max_iterations, ..PARAMS });
-        solve(&mut sr1, &before);
-        let (x, info) = solve(&mut sr1, &after);
+        solve(&mut sr1, &mut before);
+        let (x, info) = solve(&mut sr1, &mut after);
         let (status, refreshed) =
             if max_iterations == 4 { (Status::Converged, false) } else { (Status::IterationLimit, true) };
         assert_eq!((info.status, info.iterations, info.refreshed), (status, max_iterations, refreshed));
-        let residual = (after.matrix() * x - after.rhs()).norm() / after.rhs().norm();
+        let residual = (after.full_matrix() * x - after.rhs()).norm() / after.rhs().norm();
         assert_within(
             "x solves, and the reported residual is its own",
             (info.residual_rel - residual).abs(),
@@ -127,65 +141,65 @@ fn the_iteration_limit_is_kept_and_followed_by_a_refresh() {
 
 #[test]
 fn reset_and_another_size_start_anew_and_nothing_else_does() {
-    let (small, large) = (diagonal(&[1.0, 2.0]), diagonal(&[1.0, 2.0, 3.0]));
+    let (mut small, mut large) = (diagonal(&[1.0, 2.0]), diagonal(&[1.0, 2.0, 3.0]));
     let mut sr1 = Sr1::new(PARAMS);
-    let mut refreshed = |system, reset: bool| {
+    let mut refreshed = |system: &mut ConstrainedSystem, reset: bool| {
         if reset {
             sr1.reset();
         }
         let (x, info) = solve(&mut sr1, system);
-        assert_within("x = A⁺ b", (system.matrix() * x - system.rhs()).norm(), PARAMS.eps_abs);
+        assert_within("x = A⁺ b", (system.full_matrix() * x - system.rhs()).norm(), PARAMS.eps_abs);
         info.refreshed
     };
-    assert!(refreshed(&small, false), "the first solve");
-    assert!(!refreshed(&small, false), "carried");
-    assert!(refreshed(&small, true), "after reset");
-    assert!(!refreshed(&small, false), "carried");
-    assert!(refreshed(&large, false), "another size");
-    assert!(refreshed(&small, false), "and back");
+    assert!(refreshed(&mut small, false), "the first solve");
+    assert!(!refreshed(&mut small, false), "carried");
+    assert!(refreshed(&mut small, true), "after reset");
+    assert!(!refreshed(&mut small, false), "carried");
+    assert!(refreshed(&mut large, false), "another size");
+    assert!(refreshed(&mut small, false), "and back");
 }
 
 #[test]
 fn a_given_start_is_used_and_a_bad_one_refused() {
-    let system = diagonal(&[2.0, 4.0]);
+    let mut system = diagonal(&[2.0, 4.0]);
     let mut sr1 = Sr1::new(PARAMS);
-    sr1.start_from(&DMatrix::from_diagonal(&DVector::from_vec(vec![0.5, 0.25]))).unwrap();
-    let (_, info) = solve(&mut sr1, &system);
+    sr1.start_from(&[0.5, 0.0, 0.0, 0.25], 2).unwrap();
+    let (_, info) = solve(&mut sr1, &mut system);
     assert_eq!((info.refreshed, info.iterations), (false, 0));
-    for (start, message) in [
-        (DMatrix::zeros(0, 0), "inverse is empty: at least one row and one velocity are needed"),
-        (DMatrix::zeros(2, 3), "inverse has shape 6 entries, expected 2×2"),
+    for ((start, n), message) in [
+        ((&[][..], 0), "inverse is empty: at least one row and one velocity are needed"),
+        ((&[0.0; 6], 2), "inverse has shape 6 entries, expected 2×2"),
     ] {
-        assert_eq!(sr1.start_from(&start).unwrap_err().to_string(), message);
-        assert!(!solve(&mut sr1, &system).1.refreshed, "H is still there after: {message}");
+        assert_eq!(sr1.start_from(start, n).unwrap_err().to_string(), message);
+        assert!(!solve(&mut sr1, &mut system).1.refreshed, "H is still there after: {message}");
     }
 }
 
 #[test]
 fn refused_input_leaves_the_solver_usable() {
-    let (good, indefinite) = (diagonal(&[1.0, 2.0]), rows([[1.0, 2.0], [2.0, 1.0]], [1.0, 1.0]));
+    let (mut good, mut indefinite) = (diagonal(&[1.0, 2.0]), rows([[1.0, 2.0], [2.0, 1.0]], [1.0, 1.0]));
     let mut sr1 = Sr1::new(PARAMS);
     for _ in 0..2 {
-        let error = sr1.solve(&indefinite, &mut [0.0; 2]).unwrap_err();
+        let error = indefinite.solve(&mut sr1, Wanted::Multipliers, &mut [0.0; 2]).unwrap_err();
         assert!(matches!(error, Error::NotPositiveSemidefinite { .. }), "{error}");
     }
-    let (x, info) = solve(&mut sr1, &good);
-    assert!(info.refreshed);
-    assert_within("x = A⁺ b", (good.matrix() * x - good.rhs()).norm(), ROUNDING);
-    let message = sr1.solve(&good, &mut [0.0; 3]).unwrap_err().to_string();
-    assert_eq!(message, "x has shape 3 entries, expected 2");
-    assert!(!solve(&mut sr1, &good).1.refreshed, "H is still carried");
+    let (x, info) = solve(&mut sr1, &mut good);
+    assert_eq!((info.status, info.iterations, info.refreshed), (Status::Converged, 0, true));
+    assert_within("x = A⁺ b", (good.full_matrix() * x - good.rhs()).norm(), ROUNDING);
+    let message = good.solve(&mut sr1, Wanted::Multipliers, &mut [0.0; 3]).unwrap_err().to_string();
+    assert_eq!(message, "multipliers has shape 3 entries, expected 2");
+    assert!(!solve(&mut sr1, &mut good).1.refreshed, "H is still carried");
 }
 
 #[test]
 fn an_overflow_is_a_breakdown_with_a_finite_answer_and_a_fresh_start() {
-    let huge = diagonal(&[1e200, 1e200]);
+    let mut huge = diagonal(&[1e200, 1e200]);
     let mut sr1 = Sr1::new(PARAMS);
     for start in [1e200, f64::INFINITY, f64::NAN] {
-        sr1.start_from(&DMatrix::from_diagonal_element(2, 2, start)).unwrap();
-        let (_, info) = solve(&mut sr1, &huge);
+        sr1.start_from(&[start, 0.0, 0.0, start], 2).unwrap();
+        let (_, info) = solve(&mut sr1, &mut huge);
         assert_eq!((info.status, info.refreshed), (Status::Breakdown, true), "H₀ = {start} E");
-        let (_, info) = solve(&mut sr1, &huge);
+        let (_, info) = solve(&mut sr1, &mut huge);
         assert_eq!(
             (info.status, info.refreshed, info.iterations),
             (Status::Converged, false, 0),

@@ -6,7 +6,8 @@
 use std::iter::repeat_n;
 
 use nalgebra::{DMatrix, DVector};
-use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, Options, StepView, make_solver};
+use oarlock_core::fold::Fold;
+use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, Options, StepView, Wanted, make_solver};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
@@ -45,14 +46,14 @@ pub fn solver(name: &str) -> Box<dyn MultiplierSolver> {
     make_solver(name, &Options::new()).expect(name)
 }
 
-/// One solve.
+/// One solve for the minimum-norm multipliers.
 ///
 /// # Panics
 /// If the input is refused, or a NaN or an infinity comes back.
 #[track_caller]
-pub fn solve(solver: &mut dyn MultiplierSolver, system: &ConstrainedSystem) -> (DVector<f64>, Info) {
+pub fn solve(solver: &mut dyn MultiplierSolver, system: &mut ConstrainedSystem) -> (DVector<f64>, Info) {
     let mut x = DVector::from_element(system.len(), f64::NAN);
-    let info = solver.solve(system, x.as_mut_slice()).expect("good input");
+    let info = system.solve(solver, Wanted::Multipliers, x.as_mut_slice()).expect("good input");
     assert!(x.iter().all(|entry| entry.is_finite()), "{}: {x}", solver.name());
     assert!(info.residual_rel.is_finite(), "{}: {info:?}", solver.name());
     (x, info)
@@ -186,7 +187,7 @@ pub struct Motion {
 pub fn motion(solver: &mut dyn MultiplierSolver, step: &StepView<'_>) -> Motion {
     let mut system = ConstrainedSystem::new();
     system.assemble(step).expect("a good step");
-    let (multipliers, _) = solve(solver, &system);
+    let (multipliers, _) = solve(solver, &mut system);
     let (mut qfrc, mut qacc) = (DVector::zeros(system.nv()), DVector::zeros(system.nv()));
     system
         .acceleration(multipliers.as_slice(), qfrc.as_mut_slice(), qacc.as_mut_slice())
@@ -251,6 +252,22 @@ pub fn psd_systems() -> impl Strategy<Value = PsdSystem> {
 /// PSD systems with A and b of order one, for stopping tests that are absolute.
 pub fn unit_systems() -> impl Strategy<Value = PsdSystem> {
     scaled_systems(Just(1.0), Just(1.0))
+}
+
+/// Whether folding leaves this A alone, so that a solver sees it as it is.
+pub fn unfolded(matrix: &DMatrix<f64>) -> bool {
+    Fold::find(matrix.as_slice(), matrix.nrows()).is_identity()
+}
+
+/// As [`unit_systems`], but redundant only in ways that folding cannot see: no zero rows, no proportional ones.
+pub fn unfolded_systems() -> impl Strategy<Value = PsdSystem> {
+    let shapes = (1..=8_usize).prop_flat_map(|n| (Just(n), if n == 1 { 1..=1 } else { 2..=n.min(6) }));
+    let parts = shapes.prop_flat_map(|(n, r)| (orthonormal(n, r), vec(0.3..1.0, r), numbers(n)));
+    let systems = parts.prop_map(|(directions, singular, rhs)| {
+        let factor = &directions * DMatrix::from_diagonal(&DVector::from_vec(singular));
+        PsdSystem { matrix: &factor * factor.transpose(), range: directions, rhs }
+    });
+    systems.prop_filter("rows that folding takes out", |system| unfolded(&system.matrix))
 }
 
 /// Mechanisms with up to 6 independent rows of up to 11, and up to 9 velocities.
