@@ -51,6 +51,9 @@ impl MultiplierSolver for Pinv {
 
     fn solve(&mut self, system: &ConstrainedSystem, x: &mut [f64]) -> Result<Info, Error> {
         let n = system.len();
+        if n == 0 {
+            return Err(Error::Empty { what: "system" });
+        }
         check_len("x", x.len(), &[n])?;
         if self.eigen.len() != n {
             self.eigen = SymmetricEigen::new(n);

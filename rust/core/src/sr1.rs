@@ -29,7 +29,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::eigen::{RANK_CUT, SymmetricEigen};
-use crate::error::{Error, check_len};
+use crate::error::{Error, check_finite, check_len};
 use crate::info::{Info, Status};
 use crate::params::{Params, Reader};
 use crate::solver::{MultiplierSolver, SolverKind};
@@ -116,15 +116,17 @@ impl Sr1 {
     /// Sets H₀ for the next solve, instead of an eigendecomposition of its A.
     ///
     /// # Errors
-    /// [`Error::Shape`] if `inverse` is not square, [`Error::Empty`] if it has no rows.
+    /// [`Error::Shape`] if `inverse` is not square, [`Error::Empty`] if it has no rows, [`Error::NonFinite`].
     pub fn start_from(&mut self, inverse: &DMatrix<f64>) -> Result<(), Error> {
         let n = inverse.nrows();
         if n == 0 {
             return Err(Error::Empty { what: "inverse" });
         }
         check_len("inverse", inverse.len(), &[n, n])?;
+        check_finite("inverse", inverse.as_slice())?;
         self.resize(n);
         self.inverse.copy_from(inverse);
+        self.largest_gain = f64::INFINITY;
         self.stale = false;
         Ok(())
     }
@@ -168,6 +170,9 @@ impl MultiplierSolver for Sr1 {
 
     fn solve(&mut self, system: &ConstrainedSystem, x: &mut [f64]) -> Result<Info, Error> {
         let n = system.len();
+        if n == 0 {
+            return Err(Error::Empty { what: "system" });
+        }
         check_len("x", x.len(), &[n])?;
         self.resize(n);
         let (matrix, rhs) = (system.matrix(), system.rhs());

@@ -88,7 +88,8 @@ impl ConstrainedSystem {
     /// Forms A and b of one step.
     ///
     /// # Errors
-    /// Those of [`StepView::check`], and [`Error::MassNotPositiveDefinite`].
+    /// Those of [`StepView::check`], which leave the last step in place; [`Error::MassNotPositiveDefinite`], and
+    /// [`Error::NonFinite`] if A or b overflow, which leave the system empty.
     pub fn assemble(&mut self, step: &StepView<'_>) -> Result<(), Error> {
         step.check()?;
         let (n, nv) = step.shape();
@@ -96,19 +97,17 @@ impl ConstrainedSystem {
 
         // A symmetric row-major M is its own column-major form, and row-major J is column-major Jᵀ.
         let mut factor = mem::take(&mut self.mass_factor);
-        if factor.len() != nv * nv {
-            factor = DMatrix::zeros(nv, nv);
-        }
         factor.copy_from_slice(step.mass);
-        self.mass_factor = Cholesky::new(factor)
-            .ok_or_else(|| {
-                let diagonal = (0..nv).map(|i| step.mass[i * nv + i]);
-                Error::MassNotPositiveDefinite {
-                    smallest: diagonal.clone().fold(f64::INFINITY, f64::min),
-                    largest: diagonal.fold(f64::NEG_INFINITY, f64::max),
-                }
-            })?
-            .unpack_dirty();
+        let Some(factor) = Cholesky::new(factor) else {
+            // The old factor went with the attempt: without it there is no way back to accelerations.
+            *self = Self::default();
+            let diagonal = (0..nv).map(|i| step.mass[i * nv + i]);
+            return Err(Error::MassNotPositiveDefinite {
+                smallest: diagonal.clone().fold(f64::INFINITY, f64::min),
+                largest: diagonal.fold(f64::NEG_INFINITY, f64::max),
+            });
+        };
+        self.mass_factor = factor.unpack_dirty();
 
         self.jacobian_t.copy_from_slice(step.jacobian);
         self.whitened.copy_from(&self.jacobian_t);
@@ -125,7 +124,10 @@ impl ConstrainedSystem {
         self.mass_factor.tr_solve_lower_triangular_mut(&mut self.unconstrained);
         self.rhs.copy_from_slice(step.aref);
         self.rhs.gemv_tr(-1.0, &self.jacobian_t, &self.unconstrained, 1.0);
-        Ok(())
+        // Finite input can still overflow.
+        let finite =
+            check_finite("A", self.matrix.as_slice()).and_then(|()| check_finite("b", self.rhs.as_slice()));
+        finite.inspect_err(|_| *self = Self::default())
     }
 
     /// Takes A (`n×n`, row-major, symmetric) and b (`n`) as they are; there is no way back to accelerations then.
@@ -141,18 +143,23 @@ impl ConstrainedSystem {
         check_finite("A", matrix)?;
         check_finite("b", rhs)?;
         let largest = matrix.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        let (mut worst, mut gap) = ((0, 0), 0.0);
         for row in 0..n {
             for col in 0..row {
-                let gap = (matrix[row * n + col] - matrix[col * n + row]).abs();
-                if gap > SYMMETRY_TOLERANCE * largest {
-                    return Err(Error::NotSymmetric { row, col, gap, tolerance: SYMMETRY_TOLERANCE });
+                let next = (matrix[row * n + col] - matrix[col * n + row]).abs();
+                if next > gap {
+                    (worst, gap) = ((row, col), next);
                 }
             }
+        }
+        if gap > SYMMETRY_TOLERANCE * largest {
+            let (row, col) = worst;
+            return Err(Error::NotSymmetric { row, col, gap, tolerance: SYMMETRY_TOLERANCE });
         }
         self.resize(n, 0);
         for row in 0..n {
             for col in 0..n {
-                self.matrix[(row, col)] = 0.5 * (matrix[row * n + col] + matrix[col * n + row]);
+                self.matrix[(row, col)] = 0.5 * matrix[row * n + col] + 0.5 * matrix[col * n + row];
             }
         }
         self.rhs.copy_from_slice(rhs);

@@ -70,8 +70,10 @@ impl Change {
     fn solve(&self, eps_abs: f64) -> (DMatrix<f64>, DVector<f64>, Info) {
         let mut solver = Sr1::new(Sr1Params { eps_abs, ..PARAMS });
         solver.start_from(&self.start()).expect("square");
-        let (x, info) = solve(&mut solver, &dense(&self.matrix, &self.before.consistent_rhs()));
+        let rhs = self.before.consistent_rhs();
+        let (x, info) = solve(&mut solver, &dense(&self.matrix, &rhs));
         assert_eq!((info.status, info.refreshed), (Status::Converged, false));
+        assert_within("stopping test", info.residual_rel * rhs.norm(), eps_abs * (1.0 + ROUNDING));
         (solver.inverse().clone(), x, info)
     }
 
