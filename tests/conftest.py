@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mechanisms import COMMAND
+from oarlock import cli
 
-COMMAND = Path(sys.executable).with_name("oarlock")
 WHOLE_CASE = "boat_run"
 
 
@@ -52,6 +53,23 @@ def boat_run(_boat_process: tuple[subprocess.Popen[str], Path]) -> BoatRun:
     out, err = process.communicate(timeout=600)
     assert process.returncode in (0, 1), err
     return BoatRun(process.returncode, out, err, json.loads(out), folder)
+
+
+@pytest.fixture
+def oarlock_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    """As ``oarlock_command``, but in this process: the entry point without the second that a new one takes."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> subprocess.CompletedProcess[str]:
+        monkeypatch.setattr(sys, "argv", ["oarlock", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        out, err = capsys.readouterr()
+        status = ended.value.code
+        assert isinstance(status, int)
+        return subprocess.CompletedProcess(sys.argv, status, out, err)
+
+    return call
 
 
 @pytest.fixture

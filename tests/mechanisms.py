@@ -1,15 +1,19 @@
 """Mechanisms that the tests make up, and folders of cases around them."""
 
+import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 import oarlock
 from oarlock.cases import Case, CaseFile, load_case
 from oarlock.experiments import Laboratory, Setup
 
 INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
+
+COMMAND = Path(sys.executable).with_name("oarlock")
+"""The installed command."""
 
 BOAT = Path(oarlock.__file__).parent / "models" / "boat"
 
@@ -101,3 +105,13 @@ def only(rows: list[dict[str, Any]], **where: Any) -> dict[str, Any]:
     found = [row for row in rows if all(row[key] == value for key, value in where.items())]
     assert len(found) == 1, f"{len(found)} rows with {where} among {[row['run'] for row in rows]}"
     return found[0]
+
+
+def boat_copy(folder: Path, *, duration_s: float = 0.2, experiments: str = "", gates: str = "") -> Path:
+    """The boat's folder under another name, shorter, with its own experiments and gates."""
+    shutil.copytree(BOAT, folder)
+    head = (BOAT / "case.toml").read_text(encoding="utf-8").partition("[[experiments]]")[0]
+    assert "duration_s = 12.0" in head
+    toml = head.replace("duration_s = 12.0", f"duration_s = {duration_s}") + experiments + gates
+    (folder / "case.toml").write_text(toml, encoding="utf-8")
+    return folder

@@ -8,10 +8,11 @@
     >>> results.summary, results.steps
 """
 
-from oarlock._core import VERSION, make_solver, solvers
+from oarlock._core import VERSION, make_solver
 from oarlock.cases import load_case, model_names
 from oarlock.errors import InputError
 from oarlock.run import Results, run
+from oarlock.solvers import solver_names
 
 __version__ = VERSION
 
@@ -23,5 +24,5 @@ __all__ = [
     "make_solver",
     "model_names",
     "run",
-    "solvers",
+    "solver_names",
 ]

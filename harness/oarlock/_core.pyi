@@ -99,6 +99,9 @@ class TimeLaw:
     """A scalar law of time, parsed once: arithmetic, functions, PI, the time t and named constants."""
 
     def __new__(cls, source: str, constants: dict[str, float] = ...) -> TimeLaw: ...
+    @property
+    def is_constant(self) -> bool:
+        """Whether it does not depend on t."""
     def at(self, t: float) -> float:
         """The value at time t in seconds; NaN outside the law's domain."""
 

@@ -95,8 +95,10 @@ class Verdict:
         return f"{self.gate.figure} = {value} of {self.run or 'no run'}, expected {limit} ({self.gate.cause})"
 
 
-def judge(case: Case, rows: list[dict[str, Any]]) -> list[Verdict]:
-    """Holds every gate of a case against every run it picks; a gate that picks none is not checked.
+def judge(case: Case, rows: list[dict[str, Any]], *, complete: bool = False) -> list[Verdict]:
+    """Holds every gate of a case against every run it picks.
+
+    A gate that picks none is not checked; after a ``complete`` run of the case it has failed, for it can never hold.
 
     Raises:
         InputError: a gate names a figure or a key that no summary has.
@@ -104,6 +106,9 @@ def judge(case: Case, rows: list[dict[str, Any]]) -> list[Verdict]:
     verdicts = []
     for gate in case.file.gates:
         if rows:
+            figures = {name for row in rows for name, value in row.items() if isinstance(value, int | float)}
+            if gate.figure in rows[0] and gate.figure not in figures and any(row[gate.figure] for row in rows):
+                raise InputError(f"gate of case '{case.name}' bounds '{gate.figure}', expected a figure with a number")
             unknown = [name for name in (gate.figure, *gate.where) if name not in rows[0]]
             if unknown:
                 raise InputError(
@@ -111,7 +116,7 @@ def judge(case: Case, rows: list[dict[str, Any]]) -> list[Verdict]:
                 )
         picked = [row for row in rows if all(str(row[k]) == v for k, v in gate.where.items())]
         if not picked:
-            verdicts.append(Verdict(gate, None, None, None))
+            verdicts.append(Verdict(gate, None, None, False if complete else None))
         for row in picked:
             value = row[gate.figure]
             low = value is not None and (gate.min is None or value >= gate.min)

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from oarlock._core import InputError as CoreInputError
 from oarlock._core import TimeLaw
 from oarlock.errors import InputError, one_line
 
@@ -20,9 +19,10 @@ Integrator = Literal["euler", "implicit", "implicitfast", "rk4"]
 Form = Literal["matched", "hard"]
 Mode = Literal["calibration", "lockstep", "one-step", "free"]
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
+Count = Annotated[int, Field(ge=0, strict=True)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 
 
 class _Table(BaseModel):
@@ -58,7 +58,12 @@ class Drive(_Table):
         """
         known: dict[str, float] = {}
         for name, value in self.constants.items():
-            known[name] = TimeLaw(value, known).at(0.0) if isinstance(value, str) else value
+            if isinstance(value, str):
+                law = TimeLaw(value, known)
+                if not law.is_constant:
+                    raise InputError(f"constant {name} = '{value}' depends on t, expected a constant")
+                value = law.at(0.0)
+            known[name] = value
         return known
 
     def laws(self) -> dict[str, TimeLaw]:
@@ -72,17 +77,17 @@ class Drive(_Table):
 
     @model_validator(mode="after")
     def _parse(self) -> "Drive":
-        self.laws()  # a CoreInputError is a ValueError, which pydantic reports with the key
+        self.laws()  # an InputError is a ValueError, which pydantic reports with the key
         return self
 
 
 class Expect(_Table):
     """What the model must turn out to be at its start: checked, not believed."""
 
-    nv: int | None = None
-    rows: int | None = None
-    rank: int | None = None
-    dof: int | None = None
+    nv: Count | None = None
+    rows: Count | None = None
+    rank: Count | None = None
+    dof: Count | None = None
 
 
 class Baumgarte(_Table):
@@ -131,14 +136,16 @@ class Gate(_Table):
 
     figure: str
     where: dict[str, str] = {}
-    min: float | None = None
-    max: float | None = None
+    min: Finite | None = None
+    max: Finite | None = None
     cause: str
 
     @model_validator(mode="after")
     def _bounded(self) -> "Gate":
         if self.min is None and self.max is None:
             raise ValueError("expected min or max: a gate without a bound cannot fail")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise ValueError(f"min = {self.min:g} above max = {self.max:g}: a gate that cannot hold")
         return self
 
 
@@ -157,7 +164,7 @@ class CaseFile(_Table):
     summary: str = ""
     source: str = ""
     tags: list[str] = []
-    rank_cut: Annotated[float, Field(gt=0, lt=1)] | None = None
+    rank_cut: Annotated[float, Field(gt=0, lt=1, strict=True)] | None = None
     run: RunDefaults = RunDefaults()
     start: Start = Start()
     drive: Drive = Drive()
@@ -242,5 +249,3 @@ def read_case_file(path: Path) -> CaseFile:
         got = one_line(repr(first["input"]))
         got = got if len(got) <= 80 else got[:77] + "..."
         raise InputError(f"{path}: {key} = {got}: {one_line(first['msg'])}") from None
-    except CoreInputError as error:
-        raise InputError(f"{path}: {error}") from None

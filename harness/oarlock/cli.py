@@ -1,8 +1,13 @@
-"""The command ``oarlock``. Exit status: 0 all gates held, 1 a gate failed, 2 bad input, 130 interrupted."""
+"""The command ``oarlock``.
+
+Exit status: 0 all gates held, 1 a gate failed, 2 bad input, 130 interrupted, 141 reader gone.
+"""
 
 import json
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,13 +17,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as Bar
 from rich.table import Table
 
-from oarlock._core import InputError as CoreInputError
-from oarlock.errors import one_line
+from oarlock.errors import InputError, one_line
 from oarlock.results import write_text
 from oarlock.run import Progress, Results
 from oarlock.run import run as run_model
 
-GATE_FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
+GATE_FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 1, 2, 130, 141
 
 app = typer.Typer(
     help="Cross-validates closed-chain MuJoCo models: exact constraint multipliers against MuJoCo, step by step.",
@@ -32,6 +36,21 @@ JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE|-", help="Write the summary as JSON; - is standard output."),
 ]
+
+
+@contextmanager
+def _ends() -> Iterator[None]:
+    """How a command ends that is interrupted or whose reader has gone. typer would give both another status."""
+    try:
+        yield
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        _say("oarlock: interrupted; the runs that were finished are kept")
+        raise typer.Exit(INTERRUPTED) from None
+    except BrokenPipeError:
+        # Nothing is left to say, not even on closing.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(READER_GONE) from None
 
 
 def _say(text: str) -> None:
@@ -98,6 +117,7 @@ def _print_summary(results: Results) -> None:
 
 
 @app.command("list")
+@_ends()
 def list_models(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON on standard output.")] = False,
 ) -> None:
@@ -118,6 +138,7 @@ def list_models(
 
 
 @app.command()
+@_ends()
 def run(
     model: Annotated[str, typer.Argument(metavar="MODEL|FILE.xml", help="A model's name, or any MJCF file.")],
     solver: Annotated[
@@ -175,6 +196,7 @@ def run(
 
 
 @app.command()
+@_ends()
 def report(
     results: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that 'oarlock run --out' wrote.")],
     to: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report [default: DIR/report].")] = None,
@@ -190,16 +212,9 @@ def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
     try:
         app(standalone_mode=True)
-    except CoreInputError as error:
+    except InputError as error:
         _say(f"oarlock: {one_line(error)}")
-        sys.exit(BAD_INPUT)
-    except BrokenPipeError:
-        # The reader has gone: nothing is left to say, not even on closing.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(BAD_INPUT)
     except OSError as error:
         _say(f"oarlock: {one_line(error)}")
         sys.exit(BAD_INPUT)
-    except KeyboardInterrupt:
-        _say("oarlock: interrupted; the runs that were finished are kept")
-        sys.exit(INTERRUPTED)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import mujoco
 
 from oarlock.cases import Case
-from oarlock.errors import InputError, choose
+from oarlock.errors import RefusedError, choose
 
 
 class Drive:
@@ -24,13 +24,13 @@ class Drive:
         """Writes the controls at ``data.time``.
 
         Raises:
-            InputError: a law has no finite value there.
+            RefusedError: a law has no finite value there.
         """
         time = data.time
         for index, law in self._laws:
             value = law.at(time)
             if value - value != 0.0:  # NaN and infinities alike
-                raise InputError(f"{law!r} is {value} at t = {time:g} s, expected a finite control")
+                raise RefusedError(f"{law!r} is {value} at t = {time:g} s, expected a finite control")
             data.ctrl[index] = value
 
     @contextmanager

@@ -1,10 +1,14 @@
 """What a user can have got wrong, in one line that names the value and what was expected."""
 
-from oarlock._core import InputError as _CoreInputError
+from collections.abc import Sequence
+
+from oarlock._core import InputError
+
+__all__ = ["InputError", "RefusedError", "choose", "one_line"]
 
 
-class InputError(_CoreInputError):
-    """Bad input: a model, a case, an option or a start that cannot be used. Exit status 2."""
+class RefusedError(InputError):
+    """A model that must not be run like this, found out on the way; ends everything, unlike a run that diverges."""
 
 
 def one_line(text: object) -> str:
@@ -12,7 +16,7 @@ def one_line(text: object) -> str:
     return " ".join(str(text).split())
 
 
-def choose(what: str, name: str, valid: "list[str] | tuple[str, ...]") -> str:
+def choose(what: str, name: str, valid: Sequence[str]) -> str:
     """Gives ``name`` back if it is one of ``valid``.
 
     Raises:

@@ -11,10 +11,9 @@ import mujoco
 import numpy as np
 import polars as pl
 
-from oarlock._core import InputError as CoreInputError
 from oarlock.cases import Case, Form, Integrator, Mode
 from oarlock.drive import Drive
-from oarlock.errors import InputError, choose, one_line
+from oarlock.errors import InputError, RefusedError, choose, one_line
 from oarlock.mechanism import load_mechanism
 from oarlock.metrics import Energy, against_mujoco, drift, largest, solving
 from oarlock.results import Recorder, RunKey, RunResult
@@ -22,7 +21,7 @@ from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
 from oarlock.start import ConsistentStart, consistent_start
 from oarlock.state import State
 from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker
-from oarlock.truth import load_truth
+from oarlock.truth import TruthTrajectory, load_truth
 
 Tick = Callable[[int], None]
 """Called with the number of steps just done."""
@@ -49,15 +48,21 @@ class Task:
 class Setup:
     """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them."""
 
-    def __init__(self, case: Case, integrator: Integrator, settings: str, timestep_s: float | None, duration_s: float):
-        self.case = case
+    def __init__(
+        self,
+        case: Case,
+        truth: TruthTrajectory | None,
+        integrator: Integrator,
+        settings: str,
+        timestep_s: float | None,
+        duration_s: float,
+    ):
         self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
         self.drive = Drive(self.model, case)
         self.start: ConsistentStart = consistent_start(self.model, case)
         self.timestep_s = float(self.model.opt.timestep)
         self.steps = max(1, round(duration_s / self.timestep_s))
         self.truth: pl.DataFrame | None = None
-        truth = load_truth(case)
         if truth is not None:
             joints = [self.model.joint(index).name for index in range(self.model.njnt)]
             joint = joints.index(choose(f"joint in [truth] of case '{case.name}'", truth.joint, joints))
@@ -93,11 +98,12 @@ class Laboratory:
         self.case = case
         self._timestep_s, self._duration_s = timestep_s, duration_s
         self._tick = tick
-        self._trajectories: dict[int, np.ndarray] = {}
+        self._truth = load_truth(case)
+        self._trajectories: dict[tuple[Integrator, str], np.ndarray] = {}
 
     def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
         """The case, prepared."""
-        return Setup(self.case, integrator, settings, self._timestep_s, self._duration_s)
+        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s)
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.
@@ -117,7 +123,7 @@ class Laboratory:
 
     def _calibration(self, task: Task, setup: Setup) -> Iterator[RunResult]:
         """MuJoCo's own force through our stepping, against MuJoCo: the trajectory difference must be rounding."""
-        theirs = self._mujoco_trajectory(setup)
+        theirs = self._mujoco_trajectory(setup, task)
         data = setup.data()
         walker = ForcedWalker(setup.model, data, setup.drive, MujocoForce(setup.model))
         recorder = Recorder()
@@ -246,7 +252,7 @@ class Laboratory:
         return self._result(task, setup, MUJOCO, None, recorder, message)
 
     def _free_solved(self, task: Task, setup: Setup, form: Form, spec: SolverSpec) -> RunResult:
-        theirs = self._mujoco_trajectory(setup)
+        theirs = self._mujoco_trajectory(setup, task)
         data = setup.data()
         state = State(setup.model, data, self.case.file.baumgarte)
         force = SolvedForce(state, form, self._make(spec))
@@ -282,7 +288,8 @@ class Laboratory:
         """Walks all steps, recording each as it is taken; gives what ended the run early, or nothing."""
         data = walker.data
         ticks = 0
-        with setup.drive.installed():
+        # A run that diverges overflows on its way; it ends with a status, not with warnings.
+        with setup.drive.installed(), np.errstate(over="ignore", invalid="ignore"):
             for step in range(setup.steps):
                 try:
                     began = time.perf_counter()
@@ -292,9 +299,9 @@ class Laboratory:
                     recorded = time.perf_counter()
                     walker.step()
                     finish(1e6 * (time.perf_counter() - recorded + looked - began))
-                except InputError:
-                    raise  # ours: the model cannot be run like this
-                except CoreInputError as error:
+                except RefusedError:
+                    raise
+                except InputError as error:
                     if step == 0:
                         raise
                     return f"step {step}, t = {data.time:.6g} s: {one_line(error)}"
@@ -307,9 +314,9 @@ class Laboratory:
         self._tick(ticks)
         return ""
 
-    def _mujoco_trajectory(self, setup: Setup) -> np.ndarray:
-        """MuJoCo's own free run, (steps, nq); NaN where it did not get to."""
-        key = int(setup.model.opt.integrator)
+    def _mujoco_trajectory(self, setup: Setup, task: Task) -> np.ndarray:
+        """MuJoCo's own free run with the task's settings, (steps, nq); NaN where it did not get to."""
+        key = (task.integrator, task.settings)
         if key not in self._trajectories:
             path = np.full((setup.steps, setup.model.nq), np.nan)
             data = setup.data()

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from oarlock.cases import Case, Integrator, Settings
-from oarlock.errors import InputError, one_line
+from oarlock.errors import InputError, RefusedError, one_line
 
 INTEGRATORS: dict[Integrator, int] = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -138,7 +138,7 @@ def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Checks that only equality rows are active: what else there is MuJoCo solves jointly, and we would not.
 
     Raises:
-        InputError: a contact, limit or friction row is active; names the element and the time.
+        RefusedError: a contact, limit or friction row is active; names the element and the time.
     """
     if data.nefc == data.ne:
         return
@@ -159,7 +159,7 @@ def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     else:
         names = [element_name(model, mujoco.mjtObj.mjOBJ_GEOM, int(geom)) for geom in data.contact[index].geom]
         what = f"contact between geoms '{names[0]}' and '{names[1]}'"
-    raise InputError(
+    raise RefusedError(
         f"{what} is active at t = {data.time:g} s, expected equality rows only: disable it in the model "
         "(contype/conaffinity, limited, frictionloss)"
     )

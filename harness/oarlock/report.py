@@ -27,6 +27,9 @@ from oarlock.results import ResultFolder
 OCCASION = ("commit", "date", "cores", "kernel")
 """Provenance that differs from one occasion to the next."""
 
+CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
+"""What a report consists of. A folder that holds anything else is not replaced."""
+
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("oarlock"),
     trim_blocks=True,
@@ -55,6 +58,11 @@ class Tables:
         self.case = folder.read_json("case.json")
         self.sketch = folder.read_json("sketch.json")
         summary = folder.read_json("summary.json")
+        missing = [key for key in ("runs", "gates", "provenance") if key not in summary]
+        if missing:
+            raise InputError(
+                f"'{folder.path / 'summary.json'}' has no '{missing[0]}', expected what 'oarlock run' wrote"
+            )
         self.rows: list[dict[str, Any]] = summary["runs"]
         self.gates: list[dict[str, Any]] = summary["gates"]
         self.provenance: dict[str, Any] = summary["provenance"]
@@ -144,7 +152,7 @@ _TEMPLATES.filters["number"] = number
 
 def _cell(value: Any) -> str:
     """Text that stays inside its cell of a Markdown table."""
-    return re.sub(r"([|<>])", r"\\\1", str(value))
+    return re.sub(r"([\\`*{}\[\]<>#|!])", r"\\\1", str(value))
 
 
 _TEMPLATES.filters["cell"] = _cell
@@ -175,7 +183,7 @@ def html(tables: Tables, text: str, drawn: list[Figure]) -> str:
     return _ESCAPING.get_template("page.html.j2").render(
         title=tables.case["title"],
         body=parser.render(text),
-        specs=json.dumps(specs, ensure_ascii=False).replace("</", "<\\/"),
+        specs=json.dumps(specs, ensure_ascii=False).replace("<", "\\u003c"),
         library=vl_convert.javascript_bundle(_EMBED).replace("</script", "<\\/script"),
         timings=timings(tables)["runs"],
         occasion={key: tables.provenance.get(key) for key in OCCASION},
@@ -198,8 +206,11 @@ def write_report(results: Path, target: Path) -> Path:
         InputError: the results are missing or not whole, or the target cannot be written or is not a report.
     """
     tables = Tables(ResultFolder(results))
-    if target.exists() and not (target / "README.md").is_file() and any(target.iterdir()):
-        raise InputError(f"'{target}' is not empty and holds no report, expected a new folder or an old report")
+    if target.exists() and not target.is_dir():
+        raise InputError(f"'{target}' is a file, expected a new folder or an old report")
+    foreign = sorted(path.name for path in target.iterdir() if path.name not in CONTENTS) if target.exists() else []
+    if foreign:
+        raise InputError(f"'{target}' holds '{foreign[0]}', expected a new folder or an old report and nothing else")
     drawn = draw(tables)
     text = markdown(tables, drawn)
     try:

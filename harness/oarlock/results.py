@@ -6,15 +6,17 @@ Every file is written under a temporary name and moved, so that an interruption 
 import json
 import os
 import re
+import signal
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import polars as pl
 
-from oarlock.errors import InputError
+from oarlock.errors import InputError, one_line
 
 SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
     "step": pl.Int64,
@@ -124,19 +126,44 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        os.replace(temporary, path)
+        with _uninterrupted():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            yield temporary
+            os.replace(temporary, path)
     except OSError as error:
         raise InputError(f"cannot write '{path}': {error.strerror or error}") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink()
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Keeps an interruption back until the block is done: a library that is interrupted may leave half a file."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    caught: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _frame: caught.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if caught:
+            raise KeyboardInterrupt
 
 
 def write_text(path: Path, text: str) -> None:
     """Writes a text file whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def _read_table(path: Path) -> pl.DataFrame:
+    try:
+        return pl.read_parquet(path)
+    except (OSError, pl.exceptions.PolarsError) as error:
+        raise InputError(f"'{path}' cannot be read: {one_line(error)[:120]}") from None
 
 
 class ResultFolder:
@@ -157,7 +184,7 @@ class ResultFolder:
 
     def read_truth(self) -> pl.DataFrame:
         """The outside truth at the times of the steps."""
-        return pl.read_parquet(self.path / "truth.parquet")
+        return _read_table(self.path / "truth.parquet")
 
     def forget_steps_but(self, slugs: list[str]) -> None:
         """Removes the steps of runs that an earlier summary of this folder had and this one has not."""
@@ -167,7 +194,7 @@ class ResultFolder:
 
     def read_steps(self, slug: str) -> pl.DataFrame:
         """The steps of a run."""
-        return pl.read_parquet(self.path / "steps" / f"{slug}.parquet")
+        return _read_table(self.path / "steps" / f"{slug}.parquet")
 
     def write_json(self, name: str, content: dict[str, Any]) -> None:
         """Keeps a JSON document."""

@@ -130,7 +130,8 @@ def plan(case: Case, request: Request) -> list[Task]:
             raise InputError(f"rtol = {request.rtol:g}: none of the solvers asked for has it (sr1 takes eps_abs)")
     tasks = []
     for experiment in experiments:
-        solvers = [SolverSpec.parse(text).with_defaults(rtol=request.rtol) for text in experiment.solvers]
+        specs = (SolverSpec.parse(text).with_defaults(rtol=request.rtol) for text in experiment.solvers)
+        solvers = list(dict.fromkeys(specs))
         if experiment.mode in ("lockstep", "one-step"):
             solvers = [spec for spec in solvers if spec.name != MUJOCO]
             if not solvers:
@@ -217,7 +218,7 @@ def run(
             progress.finished(results.rows[-1])
     # Bounds hold for the discretisation that they were set for.
     own = timestep_s in (None, case.file.run.timestep_s) and duration_s in (None, case.file.run.duration_s)
-    results.verdicts += judge(case, results.rows if own else [])
+    results.verdicts += judge(case, results.rows if own else [], complete=own and request.whole_case)
     keeper.close()
     return results
 

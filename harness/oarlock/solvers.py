@@ -56,7 +56,7 @@ class SolverSpec:
         return spec
 
     def __str__(self) -> str:
-        options = ",".join(f"{key}={value:g}" for key, value in self.options)
+        options = ",".join(f"{key}={value!r}" for key, value in self.options)
         return f"{self.name}:{options}" if options else self.name
 
     def with_defaults(self, **defaults: float | None) -> "SolverSpec":

@@ -1,5 +1,7 @@
 """A consistent start: positions on the constraint manifold, velocities along it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -49,9 +51,18 @@ def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: 
 
 
 def _worst(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, float]:
-    row = int(np.abs(data.efc_pos).argmax())
+    row = int(np.abs(data.efc_pos[: data.ne]).argmax())
     index = int(data.efc_id[row])
-    return element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index), float(abs(data.efc_pos[row]))
+    return element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index), _gap(data)
+
+
+def _gap(data: mujoco.MjData) -> float:
+    """Largest deviation of an equality row; those of limits and contacts come after them."""
+    return float(np.abs(data.efc_pos[: data.ne]).max(initial=0.0))
+
+
+def _jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    return data.efc_J.reshape(data.nefc, model.nv)[: data.ne]
 
 
 class _Projector:
@@ -66,7 +77,7 @@ class _Projector:
 
     def correction(self, model: mujoco.MjModel, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0):
         mujoco.mj_fullM(model, data, self._mass)
-        jacobian = data.efc_J.reshape(data.nefc, model.nv)
+        jacobian = _jacobian(model, data)
         softness = np.full(len(wanted), damping) if damping else None
         self._system.assemble(self._mass, jacobian, self._zero, wanted, softness)
         multipliers, info = self._solver.solve_system(self._system)
@@ -90,18 +101,16 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
     if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
         raise InputError(f"start of case '{case.name}' is not finite: qpos {data.qpos}, qvel {data.qvel}")
 
-    mujoco.mj_fwdPosition(model, data)
-    if data.ne == 0:
-        names = ", ".join(equality.name for equality in equalities(model))
-        raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")
-    refuse_inequalities(model, data)
     given = data.qpos.copy()
-    _close(model, data, case)
+    with _loops_only(model):
+        _close(model, data, case)
+    mujoco.mj_fwdPosition(model, data)
+    refuse_inequalities(model, data)
 
     projector = _Projector(model, case.file.rank_cut)
     mujoco.mj_fwdVelocity(model, data)
-    velocity = projector.correction(model, data, -(data.efc_J.reshape(data.nefc, model.nv) @ data.qvel))
-    if np.abs(data.efc_vel).max() > CLOSED:
+    velocity = projector.correction(model, data, -(_jacobian(model, data) @ data.qvel))
+    if np.abs(data.efc_vel[: data.ne]).max() > CLOSED:
         data.qvel += velocity
     difference = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, difference, 1.0, given, data.qpos)
@@ -115,19 +124,35 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
     )
 
 
+@contextmanager
+def _loops_only(model: mujoco.MjModel) -> Iterator[None]:
+    """Switches contacts, limits and friction off: on its way to a closed pose the mechanism may pass through them."""
+    flags = model.opt.disableflags
+    bits = mujoco.mjtDisableBit
+    model.opt.disableflags |= bits.mjDSBL_CONTACT | bits.mjDSBL_LIMIT | bits.mjDSBL_FRICTIONLOSS
+    try:
+        yield
+    finally:
+        model.opt.disableflags = flags
+
+
 def _close(model: mujoco.MjModel, data: mujoco.MjData, case: Case) -> None:
+    mujoco.mj_fwdPosition(model, data)
+    if data.ne == 0:
+        names = ", ".join(equality.name for equality in equalities(model))
+        raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")
     projector = _Projector(model, case.file.rank_cut)
-    error = float(np.abs(data.efc_pos).max())
+    error = _gap(data)
     damping = 0.0
     for _ in range(MAX_STEPS):
         if error <= CLOSED:
             return
-        step = projector.correction(model, data, -data.efc_pos, damping)
+        step = projector.correction(model, data, -data.efc_pos[: data.ne], damping)
         step *= min(1.0, TRUST / max(np.abs(step).max(), TRUST))
         before = data.qpos.copy()
         mujoco.mj_integratePos(model, data.qpos, step, 1.0)
         mujoco.mj_fwdPosition(model, data)
-        after = float(np.abs(data.efc_pos).max())
+        after = _gap(data)
         if after < error:
             error, damping = after, damping / 10.0 if damping > 1e-12 else 0.0
             continue
@@ -135,7 +160,7 @@ def _close(model: mujoco.MjModel, data: mujoco.MjData, case: Case) -> None:
         mujoco.mj_fwdPosition(model, data)
         if error <= 100 * CLOSED:
             return  # rounding: long mechanisms cannot do better
-        scale = float(np.abs(data.efc_diagA).max())
+        scale = float(np.abs(data.efc_diagA[: data.ne]).max())
         damping = max(10.0 * damping, 1e-6 * scale)
     name, gap = _worst(model, data)
     raise InputError(

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import BPoly
 
 from oarlock.cases import Case
-from oarlock.errors import InputError
+from oarlock.errors import InputError, one_line
 
 COLUMNS = ["time", "position", "velocity", "acceleration"]
 
@@ -23,24 +23,26 @@ class TruthTrajectory:
         try:
             with path.open(encoding="utf-8", newline="") as file:
                 rows = list(csv.reader(line for line in file if not line.startswith("#")))
-        except OSError as error:
-            raise InputError(f"{path}: cannot read the truth: {error.strerror}") from None
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
+            raise InputError(f"{path}: cannot read the truth: {one_line(error)}") from None
         if not rows or rows[0] != COLUMNS:
             raise InputError(f"{path}: columns {rows[0] if rows else []}, expected {COLUMNS}")
         try:
             table = np.array(rows[1:], dtype=float)
         except ValueError as error:
             raise InputError(f"{path}: {error}") from None
-        if table.ndim != 2 or len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
+        if table.ndim != 2 or table.shape[1] != len(COLUMNS):
+            raise InputError(f"{path}: expected at least two rows of {len(COLUMNS)} numbers")
+        if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
             raise InputError(f"{path}: expected at least two rows of finite numbers with rising times")
-        self.end = float(table[-1, 0])
+        self.begin, self.end = float(table[0, 0]), float(table[-1, 0])
         self._spline = BPoly.from_derivatives(table[:, 0], table[:, 1:])
 
     def position(self, time: np.ndarray) -> np.ndarray:
-        """Position (rad or m) at the times (s); NaN beyond the table."""
+        """Position (rad or m) at the times (s); NaN outside the table."""
         # Step times are sums of rounded steps: the last one may pass the end of the table by rounding.
-        inside = time <= self.end * (1 + 1e-12)
-        return np.where(inside, self._spline(np.minimum(time, self.end)), np.nan)
+        inside = (time >= self.begin) & (time <= self.end * (1 + 1e-12))
+        return np.where(inside, self._spline(np.clip(time, self.begin, self.end)), np.nan)
 
 
 def load_truth(case: Case) -> TruthTrajectory | None:

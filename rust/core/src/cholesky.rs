@@ -143,7 +143,8 @@ impl Cholesky {
             let column = &factor[col * n + col..(col + 1) * n];
             inner[col] = dot(column, &permuted[col..]);
             for row in col..rank {
-                gram[col * n + row] = dot(&factor[row * n + row..(row + 1) * n], &factor[col * n + row..(col + 1) * n]);
+                gram[col * n + row] =
+                    dot(&factor[row * n + row..(row + 1) * n], &factor[col * n + row..(col + 1) * n]);
             }
         }
         factorise_definite(n, rank, gram, gram_inverse);
@@ -302,8 +303,7 @@ impl MultiplierSolver for Cholesky {
         self.resize(n);
         self.factor.copy_from_slice(problem.matrix().as_slice());
         let (rhs, wanted) = (problem.rhs(), problem.wanted);
-        let found =
-            by_size!(n, Self::run_fixed(self, rhs, wanted, x), self.run(n, rhs, wanted, x));
+        let found = by_size!(n, Self::run_fixed(self, rhs, wanted, x), self.run(n, rhs, wanted, x));
         if found.lowest < -INDEFINITE * found.first.abs() || found.first < 0.0 {
             return Err(Error::NotPositiveSemidefinite { smallest: found.lowest, largest: found.first });
         }

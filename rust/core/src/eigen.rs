@@ -1,7 +1,7 @@
 //! Symmetric eigendecomposition with a rank cut, in a workspace that is kept.
 
 use faer::diag::Diag;
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
 use faer::{ColRef, Mat, MatRef, Par, Spec};
 use nalgebra::DMatrix;
@@ -44,7 +44,12 @@ impl SymmetricEigen {
     /// A workspace for `n×n` matrices.
     #[must_use]
     pub fn new(n: usize) -> Self {
-        let scratch = self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Spec::default());
+        // faer's own count underflows for n = 0, the size that a solver has before its first system.
+        let scratch = if n == 0 {
+            StackReq::EMPTY
+        } else {
+            self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Spec::default())
+        };
         Self {
             vectors: Mat::zeros(n, n),
             values: Diag::zeros(n),

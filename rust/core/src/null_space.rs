@@ -150,7 +150,8 @@ impl NullSpace {
             let mut off = 0.0_f64;
             for col in 0..d {
                 for row in 0..=col {
-                    let product = dot(&self.basis[row * n..(row + 1) * n], &self.basis[col * n..(col + 1) * n]);
+                    let product =
+                        dot(&self.basis[row * n..(row + 1) * n], &self.basis[col * n..(col + 1) * n]);
                     let unit = f64::from(u8::from(row == col));
                     off = off.max((product - unit).abs());
                     let entry = 1.5 * unit - 0.5 * product;

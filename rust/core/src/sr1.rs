@@ -28,7 +28,7 @@
 
 use crate::carried::{CarriedInverse, Iterate, check_state};
 use crate::eigen::RANK_CUT;
-use crate::error::{Error, check_len};
+use crate::error::{Error, check_finite, check_len};
 use crate::info::Info;
 use crate::kernels::{axpy, dot, gemv, norm, rank_one};
 use crate::params::{Params, Reader};
@@ -111,6 +111,7 @@ impl Sr1 {
             return Err(Error::Empty { what: "inverse" });
         }
         check_len("inverse", inverse.len(), &[n, n])?;
+        check_finite("inverse", inverse)?;
         self.resize(n);
         self.carried.start_from(inverse);
         Ok(())

@@ -5,7 +5,7 @@ use crate::error::{Error, check_finite, check_len};
 /// A borrowed view of one step. Matrices are dense and row-major, as NumPy keeps them.
 #[derive(Debug, Clone, Copy)]
 pub struct StepView<'a> {
-    /// M, `nv×nv`, symmetric positive definite; the lower triangle is read.
+    /// M, `nv×nv`, symmetric positive definite; of the two triangles the upper is read.
     pub mass: &'a [f64],
     /// J, `n×nv`.
     pub jacobian: &'a [f64],

@@ -7,7 +7,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use crate::error::{Error, check_finite, check_len};
 use crate::fold::{Fold, scaled_copy};
 use crate::info::Info;
-use crate::kernels::{axpy, norm};
+use crate::kernels::{axpy, dot, norm};
 use crate::problem::{Needs, Problem, Wanted};
 use crate::solver::MultiplierSolver;
 use crate::step::StepView;
@@ -156,7 +156,8 @@ impl ConstrainedSystem {
     /// Takes over one step.
     ///
     /// # Errors
-    /// Those of [`StepView::check`], and [`Error::MassNotPositiveDefinite`].
+    /// Those of [`StepView::check`], which leave the last step in place; [`Error::MassNotPositiveDefinite`], and
+    /// [`Error::NonFinite`] if A or b overflow, which leave the system empty.
     pub fn assemble(&mut self, step: &StepView<'_>) -> Result<(), Error> {
         step.check()?;
         let (n, nv) = step.shape();
@@ -164,19 +165,17 @@ impl ConstrainedSystem {
 
         // A symmetric row-major M is its own column-major form, and row-major J is column-major Jᵀ.
         let mut factor = mem::take(&mut self.mass_factor);
-        if factor.len() != nv * nv {
-            factor = DMatrix::zeros(nv, nv);
-        }
         factor.copy_from_slice(step.mass);
-        self.mass_factor = Cholesky::new(factor)
-            .ok_or_else(|| {
-                let diagonal = (0..nv).map(|i| step.mass[i * nv + i]);
-                Error::MassNotPositiveDefinite {
-                    smallest: diagonal.clone().fold(f64::INFINITY, f64::min),
-                    largest: diagonal.fold(f64::NEG_INFINITY, f64::max),
-                }
-            })?
-            .unpack_dirty();
+        let Some(factor) = Cholesky::new(factor) else {
+            // The old factor went with the attempt: without it there is no way back to accelerations.
+            *self = Self::default();
+            let diagonal = (0..nv).map(|i| step.mass[i * nv + i]);
+            return Err(Error::MassNotPositiveDefinite {
+                smallest: diagonal.clone().fold(f64::INFINITY, f64::min),
+                largest: diagonal.fold(f64::NEG_INFINITY, f64::max),
+            });
+        };
+        self.mass_factor = factor.unpack_dirty();
 
         self.jacobian_t.copy_from_slice(step.jacobian);
         self.refold(step.regularisation.is_none());
@@ -197,7 +196,22 @@ impl ConstrainedSystem {
         self.full_rhs.copy_from_slice(step.aref);
         self.full_rhs.gemv_tr(-1.0, &self.jacobian_t, &self.unconstrained, 1.0);
         self.outside = self.fold.reduce(self.full_rhs.as_slice(), self.rhs.as_mut_slice());
-        Ok(())
+        self.check_overflow()
+    }
+
+    /// Finite input can still overflow: the diagonal of A bounds its other entries.
+    fn check_overflow(&mut self) -> Result<(), Error> {
+        let (n, nv) = (self.rhs.len(), self.nv());
+        let infinite = (0..n).find_map(|i| {
+            let column = &self.whitened.as_slice()[i * nv..(i + 1) * nv];
+            let entry = dot(column, column);
+            (!entry.is_finite()).then_some((i, entry))
+        });
+        let checked = match infinite {
+            Some((i, value)) => Err(Error::NonFinite { what: "A", index: i * n + i, value }),
+            None => check_finite("b", self.full_rhs.as_slice()),
+        };
+        checked.inspect_err(|_| *self = Self::default())
     }
 
     /// Takes A (`n×n`, row-major, symmetric) and b (`n`) as they are; there is no way back to accelerations then.
@@ -213,13 +227,18 @@ impl ConstrainedSystem {
         check_finite("A", matrix)?;
         check_finite("b", rhs)?;
         let largest = matrix.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        let (mut worst, mut gap) = ((0, 0), 0.0);
         for row in 0..n {
             for col in 0..row {
-                let gap = (matrix[row * n + col] - matrix[col * n + row]).abs();
-                if gap > SYMMETRY_TOLERANCE * largest {
-                    return Err(Error::NotSymmetric { row, col, gap, tolerance: SYMMETRY_TOLERANCE });
+                let next = (matrix[row * n + col] - matrix[col * n + row]).abs();
+                if next > gap {
+                    (worst, gap) = ((row, col), next);
                 }
             }
+        }
+        if gap > SYMMETRY_TOLERANCE * largest {
+            let (row, col) = worst;
+            return Err(Error::NotSymmetric { row, col, gap, tolerance: SYMMETRY_TOLERANCE });
         }
         self.resize(n, 0);
         if self.given.nrows() != n {
@@ -227,7 +246,7 @@ impl ConstrainedSystem {
         }
         for row in 0..n {
             for col in 0..n {
-                self.given[(row, col)] = 0.5 * (matrix[row * n + col] + matrix[col * n + row]);
+                self.given[(row, col)] = 0.5 * matrix[row * n + col] + 0.5 * matrix[col * n + row];
             }
         }
         self.full_rhs.copy_from_slice(rhs);

@@ -285,7 +285,10 @@ impl Tracked {
         loop {
             let r_norm = norm(&self.r);
             if r_norm <= target {
-                return Ok(());
+                gemv(&self.carried.inverse, &self.r, &mut self.hr);
+                if r_norm == 0.0 || norm(&self.hr) <= self.params.rtol * norm(&self.x) {
+                    return Ok(());
+                }
             }
             if count.iterations == self.params.max_iterations || !r_norm.is_finite() {
                 return Err(Lost);
@@ -346,6 +349,29 @@ impl Tracked {
         let b_norm = norm(problem.rhs());
         self.begin(problem, b_norm, count);
         self.iterate(problem, self.params.rtol * b_norm, count)?;
+        // Probe: s = x - H A x is what H would still correct. Curvature of s below the cut: the rank has dropped.
+        self.y.copy_from_slice(&self.b);
+        axpy(1.0, &self.r, &mut self.y);
+        gemv(&self.carried.inverse, &self.y, &mut self.hr);
+        for ((s, x), h) in self.s.iter_mut().zip(&self.x).zip(&self.hr) {
+            *s = x - h;
+        }
+        self.null.project(&mut self.s);
+        count.products += 1;
+        for _ in 0..ROUNDS {
+            let size = norm(&self.s);
+            if size <= self.params.rtol * norm(&self.x) {
+                break;
+            }
+            problem.apply(&self.s, &mut self.y);
+            count.products += 2;
+            if dot(&self.s, &self.y) <= self.params.rank_cut * problem.trace() * size * size {
+                return Err(Lost);
+            }
+            gemv(&self.carried.inverse, &self.y, &mut self.hr);
+            axpy(-1.0, &self.hr, &mut self.s);
+            self.null.project(&mut self.s);
+        }
         let n = self.x.len();
         let trace: f64 = (0..n).map(|i| self.carried.inverse[i * n + i]).sum();
         let growth = trace * problem.trace() * self.params.rank_cut;
@@ -406,8 +432,7 @@ impl MultiplierSolver for Tracked {
             *self = Self::sized(self.params, n);
         }
         let mut count = Count::default();
-        let advanced =
-            if self.carried.is_stale() { Err(Lost) } else { self.advance(problem, &mut count) };
+        let advanced = if self.carried.is_stale() { Err(Lost) } else { self.advance(problem, &mut count) };
         let (inconsistency, null_residual, refreshed) = match advanced {
             Ok((inconsistency, null_error)) => (inconsistency, null_error, false),
             Err(Lost) => (self.refresh(problem)?, self.carried.eigen().null_residual(), true),

@@ -195,7 +195,7 @@ fn refused_input_leaves_the_solver_usable() {
 fn an_overflow_is_a_breakdown_with_a_finite_answer_and_a_fresh_start() {
     let mut huge = diagonal(&[1e200, 1e200]);
     let mut sr1 = Sr1::new(PARAMS);
-    for start in [1e200, f64::INFINITY, f64::NAN] {
+    for start in [1e200, 1e250] {
         sr1.start_from(&[start, 0.0, 0.0, start], 2).unwrap();
         let (_, info) = solve(&mut sr1, &mut huge);
         assert_eq!((info.status, info.refreshed), (Status::Breakdown, true), "H₀ = {start} E");

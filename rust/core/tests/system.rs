@@ -3,7 +3,7 @@
 mod support;
 
 use nalgebra::{DMatrix, DVector};
-use oarlock_core::{ConstrainedSystem, Error, StepView};
+use oarlock_core::{ConstrainedSystem, Error, SOLVERS, StepView, Wanted};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use support::{MOVED, Mechanism, assert_within, config, mechanisms, motion, numbers, solver};
@@ -18,7 +18,7 @@ fn contents(system: &mut ConstrainedSystem) -> [Vec<f64>; 5] {
     let ones = vec![1.0; system.len()];
     let (mut qfrc, mut qacc) = (vec![f64::NAN; system.nv()], vec![f64::NAN; system.nv()]);
     system.acceleration(&ones, &mut qfrc, &mut qacc).expect("matching lengths");
-    let (matrix, rhs, unconstrained) = (system.full_matrix(), system.rhs(), system.unconstrained());
+    let (matrix, rhs, unconstrained) = (&system.full_matrix(), system.rhs(), system.unconstrained());
     [matrix.as_slice().to_vec(), rhs.as_slice().to_vec(), unconstrained.as_slice().to_vec(), qfrc, qacc]
 }
 
@@ -94,10 +94,49 @@ proptest! {
             let (matrix, rhs) = (reused.full_matrix().as_slice().to_vec(), reused.rhs().as_slice().to_vec());
             reused.set_dense(&matrix, &rhs).unwrap();
             prop_assert_eq!(contents(&mut reused), fresh(|system| system.set_dense(&matrix, &rhs)));
-            let kept = reused.full_matrix();
-            prop_assert_eq!((kept.as_slice(), reused.rhs().as_slice()), (&matrix[..], &rhs[..]));
+            prop_assert_eq!((reused.full_matrix().as_slice().to_vec(), reused.rhs().as_slice().to_vec()), (matrix, rhs));
         }
     }
+}
+
+/// A step that is lost is not answered with another one's accelerations.
+#[test]
+fn a_refused_mass_matrix_or_an_overflow_leaves_the_system_empty() {
+    let refused = [
+        (StepView { mass: &[-4.0], ..GOOD }, "mass matrix is not positive definite"),
+        (StepView { jacobian: &[1.0, 1e200], ..GOOD }, "A[3] = inf, expected finite numbers"),
+        (StepView { force: &[f64::MAX], mass: &[1e-9], ..GOOD }, "b[0] = -inf, expected finite numbers"),
+    ];
+    let mut system = ConstrainedSystem::new();
+    for (step, message) in refused {
+        system.assemble(&GOOD).unwrap();
+        let error = system.assemble(&step).unwrap_err().to_string();
+        assert!(error.starts_with(message), "{error}");
+        assert!(system.is_empty(), "{message}");
+        system.acceleration(&[1.0, 1.0], &mut [0.0], &mut [0.0]).expect_err("nothing to go back with");
+    }
+    for name in SOLVERS.iter().map(|kind| kind.name) {
+        let mut empty = ConstrainedSystem::new();
+        let error = empty.solve(&mut *solver(name), Wanted::Multipliers, &mut []).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "system is empty: at least one row and one velocity are needed",
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn of_the_mass_matrix_the_upper_triangle_is_read() {
+    let step = |mass: &'static [f64]| StepView {
+        mass,
+        jacobian: &[1.0, 0.0],
+        force: &[1.0, 2.0],
+        aref: &[1.0],
+        regularisation: None,
+    };
+    let (whole, upper) = (step(&[2.0, 1.0, 1.0, 3.0]), step(&[2.0, 1.0, 9.0, 3.0]));
+    assert_eq!(fresh(|system| system.assemble(&upper)), fresh(|system| system.assemble(&whole)));
 }
 
 /// Two rows on one velocity.
@@ -165,7 +204,7 @@ fn a_mass_matrix_without_cholesky_factor_is_refused_with_its_diagonal() {
 
 #[test]
 fn bad_dense_systems_are_refused_with_the_value_and_leave_the_last_one_alone() {
-    let cases: [(&[f64], &[f64], &str); 6] = [
+    let cases: [(&[f64], &[f64], &str); 7] = [
         (&[], &[], "b is empty: at least one row and one velocity are needed"),
         (&[1.0, 2.0], &[1.0, 1.0], "A has shape 2 entries, expected 2×2"),
         (&[1.0, f64::NAN, 0.0, 1.0], &[1.0, 1.0], "A[1] = NaN, expected finite numbers"),
@@ -174,6 +213,12 @@ fn bad_dense_systems_are_refused_with_the_value_and_leave_the_last_one_alone() {
             &[1e4, 0.0, 0.5, 1.0],
             &[1.0, 1.0],
             "A[1,0] and A[0,1] differ by 5e-1, expected symmetry to 1e-10 of the largest entry",
+        ),
+        (
+            // The worst of two pairs.
+            &[1.0, 0.25, 0.0, 0.0, 1.0, 0.0, 0.5, 0.0, 1.0],
+            &[1.0, 1.0, 1.0],
+            "A[2,0] and A[0,2] differ by 5e-1, expected symmetry to 1e-10 of the largest entry",
         ),
         (
             // Just beyond the tolerance.
@@ -191,6 +236,8 @@ fn bad_dense_systems_are_refused_with_the_value_and_leave_the_last_one_alone() {
     // Within it, relative to the largest entry, the mean of both entries counts.
     system.set_dense(&[1e4, 0.0, 5e-7, 1.0], &[1.0, 1.0]).unwrap();
     assert_eq!(system.full_matrix().as_slice(), [1e4, 2.5e-7, 2.5e-7, 1.0]);
+    system.set_dense(&[f64::MAX], &[1.0]).unwrap();
+    assert_eq!(system.full_matrix()[0].to_bits(), f64::MAX.to_bits(), "the mean does not overflow");
 }
 
 #[test]

@@ -28,6 +28,12 @@ impl TimeLaw {
         self.inner.at(t)
     }
 
+    /// Whether it does not depend on t.
+    #[getter]
+    fn is_constant(&self) -> bool {
+        self.inner.is_constant()
+    }
+
     fn __repr__(&self) -> String {
         format!("TimeLaw('{}')", self.inner)
     }

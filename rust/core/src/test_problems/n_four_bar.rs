@@ -15,7 +15,7 @@
 //!
 //! Where the cranks lie flat, cos θ = 0, the horizontal rows vanish: the rank drops from 2N to N, and another branch
 //! opens. The acceleration of the branch then needs forces that grow as 1/cos θ: without these rows it is another one.
-//! (Library of Computational Benchmark Problems of IFToMM, problem A02.)
+//! (Library of Computational Benchmark Problems of `IFToMM`, problem A02.)
 
 use crate::step::StepView;
 
@@ -198,7 +198,8 @@ mod tests {
 
     #[test]
     fn acceleration_is_the_pendulums() {
-        for (loops, connects, theta) in [(1, false, 0.3), (2, true, 2.0), (10, true, -0.4), (10, false, 4.0)] {
+        for (loops, connects, theta) in [(1, false, 0.3), (2, true, 2.0), (10, true, -0.4), (10, false, 4.0)]
+        {
             let step = NFourBar::new(loops, theta, 3.0, connects);
             let mut system = ConstrainedSystem::new();
             system.assemble(&step.view()).unwrap();

@@ -236,7 +236,7 @@ mod tests {
             for step in 0..sequence.steps {
                 let SequenceStep { factor, rhs } = sequence.step(step);
                 assert_eq!((factor.nrows(), factor.ncols()), (sequence.size(), sequence.rank(step)));
-                assert!((2..=60).contains(&rhs.len()) && 2 * factor.ncols() >= rhs.len());
+                assert!((2..=60).contains(&rhs.len()) && 2 * sequence.base.ncols() >= rhs.len());
                 let singular = factor.clone().svd(false, false).singular_values;
                 assert!((singular.max() / singular.min()).powi(2) < 1.01 * LARGEST_CONDITION, "{seed}");
                 if let Some(last) = last.filter(|last| last.shape() == factor.shape()) {

@@ -159,7 +159,8 @@ impl Definite {
 
 /// x = (J Jᵀ)⁺ b = J (JᵀJ)⁻² Jᵀ b, `n`, for J (`n×r`) of full column rank; rounded at the very end.
 pub fn minimum_norm(factor: &DMatrix<f64>, rhs: &[f64]) -> Vec<f64> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(Quad::default(), |sum, (&a, &b)| sum.plus_product(a, b));
+    let dot =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).fold(Quad::default(), |sum, (&a, &b)| sum.plus_product(a, b));
     let columns: Vec<&[f64]> = factor.as_slice().chunks_exact(factor.nrows()).collect();
     let rank = columns.len();
     let gram = (0..rank).map(|i| (0..=i).map(|j| dot(columns[i], columns[j])).collect()).collect();
@@ -181,7 +182,9 @@ pub fn acceleration(step: &StepView<'_>) -> (Vec<f64>, usize) {
     );
     let dot = |row: usize, z: &[Quad]| {
         let entries = &step.jacobian[row * nv..(row + 1) * nv];
-        z.iter().zip(entries).fold(Quad::default(), |sum, (z, &j)| if j == 0.0 { sum } else { sum + z.times(j) })
+        z.iter()
+            .zip(entries)
+            .fold(Quad::default(), |sum, (z, &j)| if j == 0.0 { sum } else { sum + z.times(j) })
     };
     let mut a0: Vec<Quad> = step.force.iter().map(|&f| Quad::from(f)).collect();
     mass.solve(&mut a0);
@@ -198,9 +201,9 @@ pub fn acceleration(step: &StepView<'_>) -> (Vec<f64>, usize) {
     // A is semidefinite: the largest of what is left is on the diagonal.
     let (mut pivots, mut left): (Vec<usize>, Vec<usize>) = (Vec::new(), (0..n).collect());
     let mut first = 0.0;
-    while let Some(at) = (0..left.len()).max_by(|&p, &q| {
-        a[left[p]][left[p]].value().total_cmp(&a[left[q]][left[q]].value())
-    }) {
+    while let Some(at) =
+        (0..left.len()).max_by(|&p, &q| a[left[p]][left[p]].value().total_cmp(&a[left[q]][left[q]].value()))
+    {
         let pivot = left[at];
         let size = a[pivot][pivot].value();
         if pivots.is_empty() {
