@@ -1,6 +1,6 @@
 """The compiled core of oarlock: systems, solvers, laws of time."""
 
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,12 @@ class Info:
     def fallbacks(self) -> int:
         """Updates skipped or replaced."""
     @property
+    def folded(self) -> int:
+        """Rows that folding took out: zero rows and all but one of proportional ones."""
+    @property
+    def refolded(self) -> bool:
+        """Whether the fold of earlier steps did not hold any more and was found anew."""
+    @property
     def elapsed_ns(self) -> int:
         """Wall time of the solve alone, in ns."""
 
@@ -69,10 +75,10 @@ class ConstrainedSystem:
         """
     @property
     def matrix(self) -> _Matrix:
-        """A, n×n."""
+        """A, n×n, before folding."""
     @property
     def rhs(self) -> _Vector:
-        """b, n."""
+        """b, n, before folding."""
     def acceleration(self, multipliers: _Vector) -> tuple[_Vector, _Vector]:
         """From λ (n) to (qacc, qfrc), both nv: a₀ + M⁻¹ Jᵀ λ and Jᵀ λ."""
 
@@ -89,8 +95,14 @@ class MultiplierSolver:
         Raises:
             InputError: shapes, values that are not finite, A not symmetric or not positive semidefinite.
         """
-    def solve_system(self, system: ConstrainedSystem) -> tuple[_Vector, Info]:
-        """(x, info) of the system of one step."""
+    def solve_system(self, system: ConstrainedSystem, wanted: str = "multipliers") -> tuple[_Vector, Info]:
+        """(x, info) of the system of one step; wanted is "multipliers" (minimum norm) or "acceleration"."""
+    def clone(self) -> MultiplierSolver:
+        """A copy with everything it carries."""
+    def state(self) -> dict[str, Any]:
+        """What it carries between steps: {"solver": name, "size": n, "fields": {name: [numbers]}}."""
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from a saved state. Raises InputError if it is another solver's or not whole."""
     def reset(self) -> None:
         """Forgets all earlier steps."""
 

@@ -29,8 +29,9 @@ def _maximum(steps: pl.DataFrame, column: str) -> float | None:
 def summarise(result: RunResult) -> dict[str, Any]:
     """The summary row of a run. A figure that does not apply is None.
 
-    iterations_mean is over solves (RK4 makes four a step); refreshes leave out the first solve, which has to start
-    from something; energy_drift_rel is relative to the largest kinetic energy.
+    iterations_mean is over solves (RK4 makes four a step); refreshes leave out the first solve of each fold, which has
+    to start from something, and refolds count the folds after the first; energy_drift_rel is relative to the largest
+    kinetic energy.
     """
     steps, key = result.steps, result.key
     row: dict[str, Any] = {"run": key.slug, **asdict(key)}
@@ -54,6 +55,7 @@ def summarise(result: RunResult) -> dict[str, Any]:
         iterations_mean=_number(iterates / solves if solves else None),
         iterations_max=steps["iterations_worst"].max(),
         refreshes=refreshes,
+        refolds=steps["refolds"].sum() if steps["refolds"].null_count() < len(steps) else None,
         rank_min=steps["rank"].min(),
         rank_max=steps["rank"].max(),
         min_norm_error_max=_maximum(steps, "min_norm_error"),

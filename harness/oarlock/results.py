@@ -28,6 +28,7 @@ SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
     "iterations_worst": pl.Int64,
     "products": pl.Int64,
     "refreshes": pl.Int64,
+    "refolds": pl.Int64,
     "residual_rel": pl.Float64,
     "solve_ns": pl.Int64,
     "rank": pl.Int64,

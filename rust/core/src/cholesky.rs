@@ -112,7 +112,7 @@ impl Cholesky {
         }
     }
 
-    #[inline(always)]
+    #[inline]
     fn run(&mut self, n: usize, rhs: &[f64], wanted: Wanted, x: &mut [f64]) -> Found {
         let found = factorise(
             n,
@@ -184,7 +184,7 @@ impl Cholesky {
 }
 
 /// Pᵀ A P = L Lᵀ in place, column by column.
-#[inline(always)]
+#[inline]
 fn factorise(n: usize, rank_cut: f64, a: &mut [f64], inverses: &mut [f64], pivots: &mut [usize]) -> Found {
     for (index, pivot) in pivots.iter_mut().enumerate() {
         *pivot = index;
@@ -232,7 +232,7 @@ fn factorise(n: usize, rank_cut: f64, a: &mut [f64], inverses: &mut [f64], pivot
 }
 
 /// Swaps rows and columns p < q of the matrix whose lower triangle is stored, with the rows of the part that is factored.
-#[inline(always)]
+#[inline]
 fn swap(n: usize, p: usize, q: usize, a: &mut [f64]) {
     for col in 0..p {
         a.swap(col * n + p, col * n + q);
@@ -247,7 +247,7 @@ fn swap(n: usize, p: usize, q: usize, a: &mut [f64]) {
 }
 
 /// B = C Cᵀ in place, lower triangle, of the leading `rank` columns with stride n.
-#[inline(always)]
+#[inline]
 fn factorise_definite(n: usize, rank: usize, b: &mut [f64], inverses: &mut [f64]) {
     for col in 0..rank {
         let (left, right) = b.split_at_mut((col + 1) * n);
@@ -270,7 +270,7 @@ fn factorise_definite(n: usize, rank: usize, b: &mut [f64], inverses: &mut [f64]
 }
 
 /// L z = z, the leading `rank` rows of L with stride n.
-#[inline(always)]
+#[inline]
 fn forward(n: usize, rank: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
     for col in 0..rank {
         let entry = z[col] * inverses[col];
@@ -280,7 +280,7 @@ fn forward(n: usize, rank: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
 }
 
 /// Lᵀ z = z, the leading `rank` rows of L with stride n.
-#[inline(always)]
+#[inline]
 fn backward(n: usize, rank: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
     for col in (0..rank).rev() {
         let below = dot(&l[col * n + col + 1..col * n + rank], &z[col + 1..rank]);

@@ -3,7 +3,7 @@
 //! The basis is extrapolated from its last positions and corrected by the caller (see [`tracked`](crate::tracked)). A
 //! basis is defined only up to a rotation of its columns; earlier ones are therefore turned to meet the newest before
 //! they are extrapolated (orthogonal Procrustes). All rotations here are near the identity, where the Newton–Schulz
-//! iteration X ← ½ X (3 − XᵀX) gives the nearest orthonormal matrix in one or two steps (Higham, *Functions of
+//! iteration `X ← ½ X (3 − XᵀX)` gives the nearest orthonormal matrix in one or two steps (Higham, *Functions of
 //! Matrices*, §8.3), without a decomposition.
 
 use crate::error::Error;
@@ -130,8 +130,8 @@ impl NullSpace {
             multiply(n, d, past, &self.gram, &mut self.work);
             past.copy_from_slice(&self.work);
         }
-        for order in 0..self.kept {
-            extrapolate(EXTRAPOLATION[order], &self.past, &mut self.work);
+        for (order, coefficients) in EXTRAPOLATION.iter().enumerate().take(self.kept) {
+            extrapolate(coefficients, &self.past, &mut self.work);
             axpy(-1.0, &self.basis, &mut self.work);
             self.misses[order] = norm(&self.work).max(0.5 * self.misses[order]);
         }

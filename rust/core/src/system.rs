@@ -39,8 +39,8 @@ pub struct ConstrainedSystem {
     dense: DMatrix<f64>,
     formed: bool,
     given: DMatrix<f64>,
-    full_rhs: DVector<f64>,
     rhs: DVector<f64>,
+    reduced_rhs: DVector<f64>,
     unconstrained: DVector<f64>,
     work: DVector<f64>,
     solution: Vec<f64>,
@@ -56,13 +56,13 @@ impl ConstrainedSystem {
     /// Number of rows n.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.full_rhs.len()
+        self.rhs.len()
     }
 
     /// Whether nothing has been assembled yet.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.full_rhs.is_empty()
+        self.rhs.is_empty()
     }
 
     /// Number of velocities nv; 0 for a system given as dense (A, b).
@@ -74,7 +74,7 @@ impl ConstrainedSystem {
     /// b, `n`, before folding.
     #[must_use]
     pub const fn rhs(&self) -> &DVector<f64> {
-        &self.full_rhs
+        &self.rhs
     }
 
     /// a₀ = M⁻¹ f, `nv`.
@@ -117,7 +117,7 @@ impl ConstrainedSystem {
         *self = Self {
             jacobian_t: DMatrix::zeros(nv, n),
             mass_factor: DMatrix::zeros(nv, nv),
-            full_rhs: DVector::zeros(n),
+            rhs: DVector::zeros(n),
             unconstrained: DVector::zeros(nv),
             work: DVector::zeros(nv),
             ..Self::default()
@@ -144,10 +144,10 @@ impl ConstrainedSystem {
             self.planned = true;
         }
         let reduced = self.fold.reduced();
-        if self.rhs.len() != reduced || self.dense.nrows() != reduced {
+        if self.reduced_rhs.len() != reduced || self.dense.nrows() != reduced {
             self.whitened = DMatrix::zeros(self.nv(), reduced);
             self.dense = DMatrix::zeros(reduced, reduced);
-            self.rhs = DVector::zeros(reduced);
+            self.reduced_rhs = DVector::zeros(reduced);
             self.solution = vec![0.0; reduced];
         }
         self.formed = false;
@@ -193,15 +193,15 @@ impl ConstrainedSystem {
         self.unconstrained.copy_from_slice(step.force);
         self.mass_factor.solve_lower_triangular_mut(&mut self.unconstrained);
         self.mass_factor.tr_solve_lower_triangular_mut(&mut self.unconstrained);
-        self.full_rhs.copy_from_slice(step.aref);
-        self.full_rhs.gemv_tr(-1.0, &self.jacobian_t, &self.unconstrained, 1.0);
-        self.outside = self.fold.reduce(self.full_rhs.as_slice(), self.rhs.as_mut_slice());
+        self.rhs.copy_from_slice(step.aref);
+        self.rhs.gemv_tr(-1.0, &self.jacobian_t, &self.unconstrained, 1.0);
+        self.outside = self.fold.reduce(self.rhs.as_slice(), self.reduced_rhs.as_mut_slice());
         self.check_overflow()
     }
 
     /// Finite input can still overflow: the diagonal of A bounds its other entries.
     fn check_overflow(&mut self) -> Result<(), Error> {
-        let (n, nv) = (self.rhs.len(), self.nv());
+        let (n, nv) = (self.reduced_rhs.len(), self.nv());
         let infinite = (0..n).find_map(|i| {
             let column = &self.whitened.as_slice()[i * nv..(i + 1) * nv];
             let entry = dot(column, column);
@@ -209,7 +209,7 @@ impl ConstrainedSystem {
         });
         let checked = match infinite {
             Some((i, value)) => Err(Error::NonFinite { what: "A", index: i * n + i, value }),
-            None => check_finite("b", self.full_rhs.as_slice()),
+            None => check_finite("b", self.rhs.as_slice()),
         };
         checked.inspect_err(|_| *self = Self::default())
     }
@@ -249,7 +249,7 @@ impl ConstrainedSystem {
                 self.given[(row, col)] = 0.5 * matrix[row * n + col] + 0.5 * matrix[col * n + row];
             }
         }
-        self.full_rhs.copy_from_slice(rhs);
+        self.rhs.copy_from_slice(rhs);
         self.refold(true);
         for (col, (col_row, col_scale)) in self.fold.classes().enumerate() {
             for (row, (row_row, row_scale)) in self.fold.classes().enumerate() {
@@ -257,7 +257,7 @@ impl ConstrainedSystem {
             }
         }
         self.formed = true;
-        self.outside = self.fold.reduce(self.full_rhs.as_slice(), self.rhs.as_mut_slice());
+        self.outside = self.fold.reduce(self.rhs.as_slice(), self.reduced_rhs.as_mut_slice());
         Ok(())
     }
 
@@ -275,7 +275,7 @@ impl ConstrainedSystem {
         if self.is_empty() {
             return Err(Error::Empty { what: "system" });
         }
-        if self.rhs.is_empty() {
+        if self.reduced_rhs.is_empty() {
             // Every row is zero: A = 0, A⁺ = 0.
             multipliers.fill(0.0);
             return Ok(Info { folded: self.len(), refolded: self.refolded, ..Info::trivial(self.outside) });
@@ -286,7 +286,7 @@ impl ConstrainedSystem {
             softness: self.softness.as_deref(),
             dense: &mut self.dense,
             formed: &mut self.formed,
-            rhs: &self.rhs,
+            rhs: &self.reduced_rhs,
             work: self.work.as_mut_slice(),
         };
         if solver.needs() == Needs::Dense {
@@ -294,9 +294,9 @@ impl ConstrainedSystem {
         }
         let mut info = solver.solve(&mut problem, &mut self.solution)?;
         self.fold.expand(&self.solution, multipliers);
-        let norm = norm(self.full_rhs.as_slice());
+        let norm = norm(self.rhs.as_slice());
         if norm > 0.0 {
-            info.residual_rel *= self.rhs.norm() / norm;
+            info.residual_rel *= self.reduced_rhs.norm() / norm;
         }
         info.inconsistency = info.inconsistency.map(|inside| inside.hypot(self.outside));
         info.folded = self.len() - self.fold.reduced();
