@@ -67,7 +67,7 @@ def recorded(**columns):
 
 def test_summary_keeps_the_contract(boat_run):
     assert set(boat_run.document) >= {"provenance", "runs"}
-    assert len(boat_run.rows) == 22
+    assert len(boat_run.rows) == 29
     for row in boat_run.rows:
         assert set(row) >= CONTRACT
         assert row["steps"] == row["steps_done"] == 12_000
