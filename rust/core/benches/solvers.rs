@@ -1,61 +1,32 @@
-//! Times a solve of every solver along the paper's boat, side by side: rounds are interleaved, medians are printed as
-//! ratios to the reference. Run with `make bench`.
+//! The table of [`oarlock_core::bench`] as text: ns a solve, and the ratio to the fastest pseudo-inverse of a library. Run
+//! with `make bench`; `oarlock bench` prints the same.
 #![allow(clippy::print_stdout)]
 
-use std::time::Instant;
+use oarlock_core::bench::{SIZES, Timing, compare};
 
-use oarlock_core::test_problems::{ROWS, boat};
-use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS, Wanted, make_solver};
-
-const ROUNDS: usize = 15;
-const STEPS: usize = 2000;
-const TIMESTEP: f64 = 1e-3;
-const REFERENCE: &str = "pinv";
-
-fn systems() -> Vec<ConstrainedSystem> {
-    (0..STEPS)
-        .map(|step| {
-            let mut system = ConstrainedSystem::new();
-            system.assemble(&boat(step as f64 * TIMESTEP).view()).expect("the boat is a valid system");
-            system
-        })
-        .collect()
-}
-
-fn round(solver: &mut dyn MultiplierSolver, systems: &mut [ConstrainedSystem]) -> f64 {
-    let mut x = [0.0; ROWS];
-    solver.reset();
-    let start = Instant::now();
-    for system in systems.iter_mut() {
-        system.solve(solver, Wanted::Multipliers, &mut x).expect("the boat is a valid system");
-    }
-    start.elapsed().as_secs_f64() * 1e9 / systems.len() as f64
-}
+const ROUNDS: usize = 9;
 
 fn main() {
-    let mut systems = systems();
-    let mut solvers: Vec<_> = SOLVERS
-        .iter()
-        .map(|kind| make_solver(kind.name, &Options::new()).expect("defaults are valid"))
-        .collect();
-    let mut times = vec![Vec::new(); solvers.len()];
-    for _ in 0..ROUNDS {
-        for (solver, times) in solvers.iter_mut().zip(&mut times) {
-            times.push(round(&mut **solver, &mut systems));
+    let only: Vec<usize> = std::env::args().skip(1).filter_map(|a| a.parse().ok()).collect();
+    for n in SIZES.into_iter().filter(|n| only.is_empty() || only.contains(n)) {
+        let table = compare(n, ROUNDS, || false).expect("a good size");
+        let reference = |of: fn(&Timing) -> f64| {
+            table.iter().filter(|row| row.library && row.is_right()).map(of).fold(f64::INFINITY, f64::min)
+        };
+        let (solve, given) = (reference(|row| row.solve_ns), reference(|row| row.given_ns));
+        println!("n = {n}");
+        for row in &table {
+            println!(
+                "  {:<28} {:>10.0} ns {:>7.3}   given A {:>10.0} ns {:>7.3}   error {:.1e} {:.1e}   products {:.1}",
+                row.name,
+                row.solve_ns,
+                row.solve_ns / solve,
+                row.given_ns,
+                row.given_ns / given,
+                row.min_norm_error,
+                row.contradicted_error,
+                row.products
+            );
         }
-    }
-    let medians: Vec<f64> = times
-        .iter_mut()
-        .map(|times| {
-            times.sort_by(f64::total_cmp);
-            times[times.len() / 2]
-        })
-        .collect();
-    let reference =
-        solvers.iter().position(|solver| solver.name() == REFERENCE).map_or(f64::NAN, |index| medians[index]);
-    println!("boat, n = {ROWS}, {STEPS} steps, median of {ROUNDS} interleaved rounds");
-    println!("{:<16} {:>12} {:>16}", "solver", "ns a solve", "ratio to pinv");
-    for (solver, median) in solvers.iter().zip(&medians) {
-        println!("{:<16} {median:>12.0} {:>16.2}", solver.name(), median / reference);
     }
 }

@@ -1,26 +1,38 @@
 //! Rank-revealing Cholesky: the fast direct solver.
 //!
-//! With complete pivoting, Pᵀ A P = L Lᵀ, L n×r lower trapezoidal, stopped when the largest remaining pivot falls below
-//! `rank_cut` times the first (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed., §10.3). Then, with
-//! B = Lᵀ L (r×r, positive definite, the nonzero eigenvalues of A),
+//! With complete pivoting, Pᵀ A P = L Lᵀ, L = (L₁; L₂) with L₁ r×r lower triangular, stopped when the largest remaining pivot
+//! falls below `rank_cut` times the first (Higham, *Accuracy and Stability of Numerical Algorithms*, 2nd ed., §10.3). The
+//! factor gives a basis of null(A) for nothing more than d = n − r triangular solves, and with it projections:
 //!
 //! ```text
-//!     A⁺ b = P L B⁻² Lᵀ Pᵀ b        minimum norm, least squares
-//!     y = B⁻¹ Lᵀ Pᵀ b               b − P L y is the part of b outside range(A)
+//!     Z = (−K; E),  K = L₁⁻ᵀ L₂ᵀ  (r×d)              A P Z = 0
+//!     Π v = v − Z (E + KᵀK)⁻¹ Zᵀ v                    the projection onto range(A), permuted
+//!     b ← Π Pᵀ b                                      what is cut off is the part of b that no x can reach
+//!     A⁺ b = P Π (L₁⁻ᵀ L₁⁻¹ b₁; 0)                    a basic solution, then minimum norm
 //! ```
 //!
-//! (Courrieu, "Fast computation of Moore–Penrose inverse matrices", 2005). At full rank the two triangular solves with L
-//! itself do, and are more accurate. Where only accelerations are wanted, Lᵀ Pᵀ x = y with x zero outside the pivots is
-//! a least-squares solution for one solve less.
+//! This is the complete orthogonal route without an orthogonal factorisation. The usual one, A⁺ = L (LᵀL)⁻² Lᵀ (Courrieu,
+//! "Fast computation of Moore–Penrose inverse matrices", 2005), costs n r² + r³/3 more multiplications instead of
+//! r² d + d² n, and its error grows with the condition of A rather than with that of L₁, its square root. At full rank the
+//! two triangular solves are all there is; where only accelerations are wanted the last projection is left out.
 //!
-//! Sizes up to 8 run on code compiled for their size.
+//! Sizes up to 8 run on code compiled for their size (as L D Lᵀ, without square roots), those from 24 on on faer's blocked
+//! kernels. faer's own rank cut is at rounding; with complete pivoting the pivots fall, so that ours is a shorter prefix of
+//! the same factor.
+
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::{llt, llt_pivoting};
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
+use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 use crate::eigen::RANK_CUT;
 use crate::error::{Error, check_len};
 use crate::info::Info;
-use crate::kernels::{axpy, by_size, dot, norm};
+use crate::kernels::{BLOCKED, axpy, by_size, dot, norm};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem, Wanted};
+use crate::small;
 use crate::solver::{MultiplierSolver, SolverKind};
 
 /// Registry entry.
@@ -51,33 +63,50 @@ impl Params for CholeskyParams {
 }
 
 /// The factor and its workspace; nothing is carried from step to step.
-#[derive(Clone)]
 pub struct Cholesky {
     params: CholeskyParams,
     /// Pᵀ A P, then L in its lower trapezium; column-major, n×n.
     factor: Vec<f64>,
-    /// B = Lᵀ L, then its factor; column-major with stride n.
-    gram: Vec<f64>,
-    /// Reciprocals of the diagonals of L and of the factor of B: a division costs as much as a small column.
+    /// Reciprocals of the diagonals of L and of the factor of E + KᵀK: a division costs as much as a small column.
     factor_inverse: Vec<f64>,
     gram_inverse: Vec<f64>,
     pivots: Vec<usize>,
-    /// Pᵀ b.
+    /// K, r×d with stride r.
+    kernel: Vec<f64>,
+    /// E + KᵀK, then its factor; column-major, d×d.
+    gram: Vec<f64>,
+    /// Pᵀ b, then Pᵀ x.
     permuted: Vec<f64>,
-    /// y, then B⁻¹ y.
-    inner: Vec<f64>,
-    /// b − P L y, the part of b outside range(A).
+    /// Zᵀ v.
+    part: Vec<f64>,
+    /// The part of b outside range(A).
     outside: Vec<f64>,
     image: Vec<f64>,
+    /// For faer: inverse of the pivots, scratch.
+    unpivots: Vec<usize>,
+    scratch: MemBuffer,
+    /// What the processor can do.
+    arch: pulp::Arch,
+}
+
+impl Clone for Cholesky {
+    /// With its own workspace: there is nothing else.
+    fn clone(&self) -> Self {
+        Self::new(self.params)
+    }
 }
 
 /// What the factorisation found.
-struct Found {
-    rank: usize,
-    first: f64,
-    /// Largest diagonal entry that was dropped, and the smallest one, which a positive semidefinite A keeps ≥ 0.
-    dropped: f64,
-    lowest: f64,
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Found {
+    /// Rank r.
+    pub rank: usize,
+    /// The first pivot.
+    pub first: f64,
+    /// Largest diagonal entry that was dropped.
+    pub dropped: f64,
+    /// The smallest one, which a positive semidefinite A keeps ≥ 0.
+    pub lowest: f64,
 }
 
 impl Cholesky {
@@ -87,105 +116,221 @@ impl Cholesky {
         Self {
             params,
             factor: Vec::new(),
-            gram: Vec::new(),
             factor_inverse: Vec::new(),
             gram_inverse: Vec::new(),
             pivots: Vec::new(),
+            kernel: Vec::new(),
+            gram: Vec::new(),
             permuted: Vec::new(),
-            inner: Vec::new(),
+            part: Vec::new(),
             outside: Vec::new(),
             image: Vec::new(),
+            unpivots: Vec::new(),
+            scratch: MemBuffer::new(StackReq::EMPTY),
+            arch: pulp::Arch::new(),
         }
     }
 
     fn resize(&mut self, n: usize) {
         if self.pivots.len() != n {
-            self.factor = vec![0.0; n * n];
-            self.gram = vec![0.0; n * n];
-            self.factor_inverse = vec![0.0; n];
-            self.gram_inverse = vec![0.0; n];
-            self.pivots = vec![0; n];
-            self.permuted = vec![0.0; n];
-            self.inner = vec![0.0; n];
-            self.outside = vec![0.0; n];
-            self.image = vec![0.0; n];
+            let (vector, square) = (|| vec![0.0; n], || vec![0.0; n * n]);
+            let pivoted =
+                llt_pivoting::factor::cholesky_in_place_scratch::<usize, f64>(n, Par::Seq, Spec::default());
+            let plain = llt::factor::cholesky_in_place_scratch::<f64>(n, Par::Seq, Spec::default());
+            *self = Self {
+                params: self.params,
+                factor: square(),
+                factor_inverse: vector(),
+                gram_inverse: vector(),
+                pivots: (0..n).collect(),
+                kernel: square(),
+                gram: square(),
+                permuted: vector(),
+                part: vector(),
+                outside: vector(),
+                image: vector(),
+                unpivots: vec![0; n],
+                scratch: MemBuffer::new(pivoted.or(plain)),
+                arch: self.arch,
+            };
         }
     }
 
-    #[inline]
-    fn run(&mut self, n: usize, rhs: &[f64], wanted: Wanted, x: &mut [f64]) -> Found {
-        let found = factorise(
-            n,
-            self.params.rank_cut,
-            &mut self.factor[..n * n],
-            &mut self.factor_inverse[..n],
-            &mut self.pivots[..n],
-        );
+    /// Factor, projections and solves for sizes that have no code of their own.
+    fn run(&mut self, matrix: &[f64], rhs: &[f64], wanted: Wanted, x: &mut [f64]) -> Found {
+        let n = rhs.len();
+        self.factor.copy_from_slice(matrix);
+        let found = if n >= BLOCKED {
+            self.factorise_blocked(n)
+        } else {
+            factorise(n, self.params.rank_cut, &mut self.factor, &mut self.pivots)
+        };
         let rank = found.rank;
-        let (factor, gram) = (&self.factor[..n * n], &mut self.gram[..n * n]);
-        let (factor_inverse, gram_inverse) = (&self.factor_inverse[..n], &mut self.gram_inverse[..n]);
-        let (permuted, inner) = (&mut self.permuted[..n], &mut self.inner[..n]);
-        for (entry, &pivot) in permuted.iter_mut().zip(&self.pivots) {
+        for (col, inverse) in self.factor_inverse.iter_mut().enumerate().take(rank) {
+            *inverse = self.factor[col * n + col].recip();
+        }
+        for (entry, &pivot) in self.permuted.iter_mut().zip(&self.pivots) {
             *entry = rhs[pivot];
         }
-        if rank == n {
-            inner.copy_from_slice(permuted);
-            forward(n, n, factor, factor_inverse, inner);
-            backward(n, n, factor, factor_inverse, inner);
-            for (&entry, &pivot) in inner.iter().zip(&self.pivots) {
-                x[pivot] = entry;
-            }
-            self.outside.fill(0.0);
-            return found;
-        }
-        // y = B⁻¹ Lᵀ Pᵀ b
-        for col in 0..rank {
-            let column = &factor[col * n + col..(col + 1) * n];
-            inner[col] = dot(column, &permuted[col..]);
-            for row in col..rank {
-                gram[col * n + row] =
-                    dot(&factor[row * n + row..(row + 1) * n], &factor[col * n + row..(col + 1) * n]);
+        self.outside.fill(0.0);
+        if rank < n {
+            self.find_null_space(n, rank);
+            self.project(rank);
+            for (&entry, &pivot) in self.permuted.iter().zip(&self.pivots) {
+                self.outside[pivot] = rhs[pivot] - entry;
             }
         }
-        factorise_definite(n, rank, gram, gram_inverse);
-        forward(n, rank, gram, gram_inverse, &mut inner[..rank]);
-        backward(n, rank, gram, gram_inverse, &mut inner[..rank]);
-        // What of b no x can reach: b − L y.
-        for col in 0..rank {
-            axpy(-inner[col], &factor[col * n + col..(col + 1) * n], &mut permuted[col..]);
+        forward(n, &self.factor, &self.factor_inverse, &mut self.permuted[..rank]);
+        backward(n, &self.factor, &self.factor_inverse, &mut self.permuted[..rank]);
+        self.permuted[rank..].fill(0.0);
+        if rank < n && wanted == Wanted::Multipliers {
+            self.project(rank);
         }
-        for (&entry, &pivot) in permuted.iter().zip(&self.pivots) {
-            self.outside[pivot] = entry;
-        }
-        match wanted {
-            Wanted::Multipliers => {
-                forward(n, rank, gram, gram_inverse, &mut inner[..rank]);
-                backward(n, rank, gram, gram_inverse, &mut inner[..rank]);
-                permuted.fill(0.0);
-                for col in 0..rank {
-                    axpy(inner[col], &factor[col * n + col..(col + 1) * n], &mut permuted[col..]);
-                }
-            }
-            Wanted::Acceleration => {
-                backward(n, rank, factor, factor_inverse, &mut inner[..rank]);
-                permuted[..rank].copy_from_slice(&inner[..rank]);
-                permuted[rank..].fill(0.0);
-            }
-        }
-        for (&entry, &pivot) in permuted.iter().zip(&self.pivots) {
+        for (&entry, &pivot) in self.permuted.iter().zip(&self.pivots) {
             x[pivot] = entry;
         }
         found
     }
 
-    fn run_fixed<const N: usize>(&mut self, rhs: &[f64], wanted: Wanted, x: &mut [f64]) -> Found {
-        self.run(N, &rhs[..N], wanted, &mut x[..N])
+    /// Pᵀ A P = L Lᵀ in place, blocked.
+    fn factorise_blocked(&mut self, n: usize) -> Found {
+        let Self { factor, pivots, unpivots, scratch, image, .. } = self;
+        let diagonal = image;
+        for (i, entry) in diagonal.iter_mut().enumerate() {
+            *entry = factor[i * n + i];
+        }
+        let first = diagonal.iter().fold(0.0_f64, |first, &entry| first.max(entry));
+        let lowest = diagonal.iter().fold(f64::INFINITY, |lowest, &entry| lowest.min(entry));
+        let matrix = MatMut::from_column_major_slice_mut(factor, n, n);
+        let stack = MemStack::new(scratch);
+        let factored = llt_pivoting::factor::cholesky_in_place(
+            matrix,
+            pivots,
+            unpivots,
+            Par::Seq,
+            stack,
+            Spec::default(),
+        );
+        let Ok((found, _)) = factored else {
+            // It refuses a negative diagonal entry, which shows in `lowest`.
+            pivots.iter_mut().enumerate().for_each(|(i, pivot)| *pivot = i);
+            return Found { rank: 0, first, dropped: first, lowest };
+        };
+        let cut = (self.params.rank_cut * first).max(f64::MIN_POSITIVE);
+        let above = |col: &usize| *col < found.rank && factor[col * n + col] * factor[col * n + col] > cut;
+        let rank = (0..n).take_while(above).count();
+        // The diagonal of what is left over.
+        let (mut dropped, mut lowest) = (0.0_f64, if rank == n { 0.0 } else { f64::INFINITY });
+        for row in rank..n {
+            let squares = (0..rank).map(|col| factor[col * n + row] * factor[col * n + row]);
+            let left = diagonal[pivots[row]] - squares.sum::<f64>();
+            (dropped, lowest) = (dropped.max(left), lowest.min(left));
+        }
+        Found { rank, first, dropped, lowest }
+    }
+
+    /// K and the factor of E + KᵀK.
+    fn find_null_space(&mut self, n: usize, rank: usize) {
+        let d = n - rank;
+        let (kernel, gram) = (&mut self.kernel[..rank * d], &mut self.gram[..d * d]);
+        for k in 0..d {
+            for col in 0..rank {
+                kernel[k * rank + col] = self.factor[col * n + rank + k];
+            }
+        }
+        if rank == 0 {
+            gram.fill(0.0);
+            (0..d).for_each(|k| gram[k * d + k] = 1.0);
+            self.gram_inverse[..d].fill(1.0);
+            return;
+        }
+        if n < BLOCKED {
+            for column in kernel.chunks_exact_mut(rank) {
+                backward(n, &self.factor, &self.factor_inverse, column);
+            }
+            for col in 0..d {
+                for row in col..d {
+                    let product =
+                        dot(&kernel[row * rank..(row + 1) * rank], &kernel[col * rank..(col + 1) * rank]);
+                    gram[col * d + row] = product + f64::from(u8::from(row == col));
+                }
+            }
+            factorise_definite(d, gram);
+        } else {
+            let triangle = MatRef::from_column_major_slice(&self.factor, n, n).submatrix(0, 0, rank, rank);
+            let columns = MatMut::from_column_major_slice_mut(kernel, rank, d);
+            solve_upper_triangular_in_place(triangle.transpose(), columns, Par::Seq);
+            let columns = MatRef::from_column_major_slice(kernel, rank, d);
+            let mut matrix = MatMut::from_column_major_slice_mut(gram, d, d);
+            matmul(
+                matrix.as_mut(),
+                BlockStructure::TriangularLower,
+                Accum::Replace,
+                columns.transpose(),
+                BlockStructure::Rectangular,
+                columns,
+                BlockStructure::Rectangular,
+                1.0,
+                Par::Seq,
+            );
+            (0..d).for_each(|k| matrix[(k, k)] += 1.0);
+            // All its eigenvalues are at least 1: it has a factor.
+            let stack = MemStack::new(&mut self.scratch);
+            let plain = llt::factor::LltRegularization::default();
+            let _ = llt::factor::cholesky_in_place(matrix, plain, Par::Seq, stack, Spec::default());
+        }
+        for (k, inverse) in self.gram_inverse.iter_mut().enumerate().take(d) {
+            *inverse = self.gram[k * d + k].recip();
+        }
+    }
+
+    /// v ← Π v of the permuted vector.
+    fn project(&mut self, rank: usize) {
+        let (first, second) = self.permuted.split_at_mut(rank);
+        let d = second.len();
+        let columns = self.kernel.chunks_exact(rank.max(1));
+        let part = &mut self.part[..d];
+        part.copy_from_slice(second);
+        if rank > 0 {
+            for (part, column) in part.iter_mut().zip(columns.clone()) {
+                *part -= dot(column, first);
+            }
+        }
+        forward(d, &self.gram, &self.gram_inverse, part);
+        backward(d, &self.gram, &self.gram_inverse, part);
+        for (entry, part) in second.iter_mut().zip(part.iter()) {
+            *entry -= part;
+        }
+        if rank > 0 {
+            for (&part, column) in part.iter().zip(columns) {
+                axpy(part, column, first);
+            }
+        }
+    }
+
+    fn run_fixed<const N: usize>(
+        &mut self,
+        matrix: &[f64],
+        rhs: &[f64],
+        wanted: Wanted,
+        x: &mut [f64],
+    ) -> Found {
+        self.arch.dispatch(|| {
+            small::solve::<N>(
+                self.params.rank_cut,
+                &mut self.pivots,
+                matrix,
+                rhs,
+                wanted,
+                x,
+                &mut self.outside,
+            )
+        })
     }
 }
 
 /// Pᵀ A P = L Lᵀ in place, column by column.
-#[inline]
-fn factorise(n: usize, rank_cut: f64, a: &mut [f64], inverses: &mut [f64], pivots: &mut [usize]) -> Found {
+fn factorise(n: usize, rank_cut: f64, a: &mut [f64], pivots: &mut [usize]) -> Found {
     for (index, pivot) in pivots.iter_mut().enumerate() {
         *pivot = index;
     }
@@ -211,28 +356,28 @@ fn factorise(n: usize, rank_cut: f64, a: &mut [f64], inverses: &mut [f64], pivot
             swap(n, col, best, a);
             pivots.swap(col, best);
         }
-        let root = pivot.sqrt();
-        let (left, right) = a.split_at_mut((col + 1) * n);
-        let column = &mut left[col * n..];
-        column[col] = root;
-        let inverse = root.recip();
-        inverses[col] = inverse;
-        for entry in &mut column[col + 1..] {
-            *entry *= inverse;
-        }
-        for (offset, target) in right.chunks_exact_mut(n).enumerate() {
-            let row = col + 1 + offset;
-            let factor = column[row];
-            for (t, c) in target[row..].iter_mut().zip(&column[row..]) {
-                *t -= factor * c;
-            }
-        }
+        eliminate(n, col, pivot, a);
     }
     found
 }
 
+/// One column of L, and what it takes off the rest.
+fn eliminate(n: usize, col: usize, pivot: f64, a: &mut [f64]) {
+    let root = pivot.sqrt();
+    let (left, right) = a.split_at_mut((col + 1) * n);
+    let column = &mut left[col * n..];
+    column[col] = root;
+    let inverse = root.recip();
+    for entry in &mut column[col + 1..] {
+        *entry *= inverse;
+    }
+    for (offset, target) in right.chunks_exact_mut(n).enumerate() {
+        let row = col + 1 + offset;
+        axpy(-column[row], &column[row..], &mut target[row..]);
+    }
+}
+
 /// Swaps rows and columns p < q of the matrix whose lower triangle is stored, with the rows of the part that is factored.
-#[inline]
 fn swap(n: usize, p: usize, q: usize, a: &mut [f64]) {
     for col in 0..p {
         a.swap(col * n + p, col * n + q);
@@ -246,32 +391,16 @@ fn swap(n: usize, p: usize, q: usize, a: &mut [f64]) {
     }
 }
 
-/// B = C Cᵀ in place, lower triangle, of the leading `rank` columns with stride n.
-#[inline]
-fn factorise_definite(n: usize, rank: usize, b: &mut [f64], inverses: &mut [f64]) {
-    for col in 0..rank {
-        let (left, right) = b.split_at_mut((col + 1) * n);
-        let column = &mut left[col * n..col * n + rank];
-        let root = column[col].max(f64::MIN_POSITIVE).sqrt();
-        column[col] = root;
-        let inverse = root.recip();
-        inverses[col] = inverse;
-        for entry in &mut column[col + 1..] {
-            *entry *= inverse;
-        }
-        for (offset, target) in right.chunks_exact_mut(n).take(rank - col - 1).enumerate() {
-            let row = col + 1 + offset;
-            let factor = column[row];
-            for (t, c) in target[row..rank].iter_mut().zip(&column[row..]) {
-                *t -= factor * c;
-            }
-        }
+/// B = C Cᵀ in place, lower triangle.
+fn factorise_definite(n: usize, b: &mut [f64]) {
+    for col in 0..n {
+        eliminate(n, col, b[col * n + col].max(f64::MIN_POSITIVE), b);
     }
 }
 
-/// L z = z, the leading `rank` rows of L with stride n.
-#[inline]
-fn forward(n: usize, rank: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
+/// L z = z, L with stride n and as many rows as z.
+fn forward(n: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
+    let rank = z.len();
     for col in 0..rank {
         let entry = z[col] * inverses[col];
         z[col] = entry;
@@ -279,9 +408,9 @@ fn forward(n: usize, rank: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
     }
 }
 
-/// Lᵀ z = z, the leading `rank` rows of L with stride n.
-#[inline]
-fn backward(n: usize, rank: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
+/// Lᵀ z = z, L with stride n and as many rows as z.
+fn backward(n: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
+    let rank = z.len();
     for col in (0..rank).rev() {
         let below = dot(&l[col * n + col + 1..col * n + rank], &z[col + 1..rank]);
         z[col] = (z[col] - below) * inverses[col];
@@ -301,9 +430,10 @@ impl MultiplierSolver for Cholesky {
         let n = problem.len();
         check_len("x", x.len(), &[n])?;
         self.resize(n);
-        self.factor.copy_from_slice(problem.matrix().as_slice());
-        let (rhs, wanted) = (problem.rhs(), problem.wanted);
-        let found = by_size!(n, Self::run_fixed(self, rhs, wanted, x), self.run(n, rhs, wanted, x));
+        problem.matrix();
+        let (matrix, rhs, wanted) = (problem.dense.as_slice(), problem.rhs(), problem.wanted);
+        let found =
+            by_size!(n, Self::run_fixed(self, matrix, rhs, wanted, x), self.run(matrix, rhs, wanted, x));
         if found.lowest < -INDEFINITE * found.first.abs() || found.first < 0.0 {
             return Err(Error::NotPositiveSemidefinite { smallest: found.lowest, largest: found.first });
         }

@@ -2,12 +2,12 @@
 //!
 //! Matrices are flat and column-major; sizes are checked by the callers, which own the workspace.
 
-use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::{matmul, triangular};
 use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::{SMatrixView, SVectorView, SVectorViewMut};
 
 /// From here on faer's kernels beat plain loops (measured: `make bench`).
-const BLOCKED: usize = 24;
+pub const BLOCKED: usize = 24;
 
 /// Calls a function generic in the size for sizes 1 to 8, and another for the rest.
 macro_rules! by_size {
@@ -101,5 +101,95 @@ pub fn rank_two(alpha: f64, u: &[f64], v: &[f64], a: &mut [f64]) {
     for ((column, &u_entry), &v_entry) in a.chunks_exact_mut(u.len()).zip(u).zip(v) {
         axpy(alpha * v_entry, u, column);
         axpy(alpha * u_entry, v, column);
+    }
+}
+
+/// Y = A X with A (`rows×inner`) and X (`inner×cols`); faer's kernels, which pay from a few columns on.
+pub fn gemm(rows: usize, inner: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
+    let cols = x.len() / inner.max(1);
+    matmul(
+        MatMut::from_column_major_slice_mut(y, rows, cols),
+        Accum::Replace,
+        MatRef::from_column_major_slice(a, rows, inner),
+        MatRef::from_column_major_slice(x, inner, cols),
+        1.0,
+        Par::Seq,
+    );
+}
+
+/// Y = Aᵀ X with A (`inner×rows`) and X (`inner×cols`).
+pub fn gemm_tr(rows: usize, inner: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
+    let cols = x.len() / inner.max(1);
+    matmul(
+        MatMut::from_column_major_slice_mut(y, rows, cols),
+        Accum::Replace,
+        MatRef::from_column_major_slice(a, inner, rows).transpose(),
+        MatRef::from_column_major_slice(x, inner, cols),
+        1.0,
+        Par::Seq,
+    );
+}
+
+/// A += alpha X Yᵀ with A (`n×n`), X and Y (`n×cols`).
+pub fn gemm_outer(n: usize, alpha: f64, x: &[f64], y: &[f64], a: &mut [f64]) {
+    let cols = x.len() / n.max(1);
+    matmul(
+        MatMut::from_column_major_slice_mut(a, n, n),
+        Accum::Add,
+        MatRef::from_column_major_slice(x, n, cols),
+        MatRef::from_column_major_slice(y, n, cols).transpose(),
+        alpha,
+        Par::Seq,
+    );
+}
+
+/// C = AᵀA with A (`inner×n`).
+pub fn gram(inner: usize, a: &[f64], c: &mut [f64]) {
+    let n = a.len() / inner.max(1);
+    by_size!(n, gram_fixed(inner, a, c), gram_dynamic(n, inner, a, c));
+}
+
+/// As a sum over the rows of A, whose length is known.
+fn gram_fixed<const N: usize>(inner: usize, a: &[f64], c: &mut [f64]) {
+    let mut sum = [[0.0; N]; N];
+    for k in 0..inner {
+        let row: [f64; N] = std::array::from_fn(|col| a[col * inner + k]);
+        for (column, factor) in sum.iter_mut().zip(row) {
+            for (entry, other) in column.iter_mut().zip(row) {
+                *entry += factor * other;
+            }
+        }
+    }
+    for (column, from) in c.chunks_exact_mut(N).zip(&sum) {
+        column.copy_from_slice(from);
+    }
+}
+
+/// The lower triangle, by faer's kernels from [`BLOCKED`] on, mirrored.
+fn gram_dynamic(n: usize, inner: usize, a: &[f64], c: &mut [f64]) {
+    if n < BLOCKED {
+        for (col, left) in a.chunks_exact(inner).enumerate() {
+            for (row, right) in a.chunks_exact(inner).enumerate().skip(col) {
+                c[col * n + row] = dot(left, right);
+            }
+        }
+    } else {
+        let view = MatRef::from_column_major_slice(a, inner, n);
+        triangular::matmul(
+            MatMut::from_column_major_slice_mut(c, n, n),
+            triangular::BlockStructure::TriangularLower,
+            Accum::Replace,
+            view.transpose(),
+            triangular::BlockStructure::Rectangular,
+            view,
+            triangular::BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+    }
+    for col in 0..n {
+        for row in col + 1..n {
+            c[row * n + col] = c[col * n + row];
+        }
     }
 }

@@ -59,12 +59,15 @@
 //! matrices" (in Russian; known by title and abstract, journal and year not verified).
 //! J. Baumgarte, "Stabilization of constraints and integrals of motion in dynamical systems", CMAME 1 (1972) 1–16.
 
+pub mod auto;
+pub mod bench;
 pub mod carried;
 pub mod cg;
 pub mod cholesky;
 pub mod eigen;
 pub mod error;
 pub mod fold;
+pub mod history;
 pub mod info;
 mod kernels;
 pub mod krylov;
@@ -75,6 +78,7 @@ pub mod pinv;
 pub mod problem;
 pub mod quasi_newton;
 pub mod regularised;
+mod small;
 pub mod solver;
 pub mod sr1;
 pub mod step;

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::kernels::{axpy, dot, gemv};
+use crate::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr, gemv, gram};
 
 /// What a solver works with. A hint: whatever it asks of a [`Problem`], it gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,18 +76,36 @@ impl Problem<'_> {
         }
     }
 
+    /// Y = A X for a few columns at once, `n×d` each; `scratch` is workspace that grows to what is needed.
+    pub fn apply_columns(&mut self, x: &[f64], y: &mut [f64], scratch: &mut Vec<f64>) {
+        let (n, nv) = (self.len(), self.work.len());
+        let columns = x.len() / n;
+        if n < BLOCKED || columns < 3 {
+            for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
+                self.apply(x, y);
+            }
+            return;
+        }
+        if *self.formed {
+            gemm(n, n, self.dense.as_slice(), x, y);
+            return;
+        }
+        scratch.resize(nv * columns, 0.0);
+        gemm(nv, n, self.whitened.as_slice(), x, scratch);
+        gemm_tr(n, nv, self.whitened.as_slice(), scratch, y);
+        if let Some(softness) = self.softness {
+            for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
+                for ((entry, softness), x) in y.iter_mut().zip(softness).zip(x) {
+                    *entry += softness * x;
+                }
+            }
+        }
+    }
+
     /// A, `n×n`; formed at the first call of a step.
     pub fn matrix(&mut self) -> &DMatrix<f64> {
         if !*self.formed {
-            let (n, nv) = (self.len(), self.work.len());
-            let columns = self.whitened.as_slice();
-            for col in 0..n {
-                for row in 0..=col {
-                    let entry = dot(&columns[row * nv..(row + 1) * nv], &columns[col * nv..(col + 1) * nv]);
-                    self.dense[(row, col)] = entry;
-                    self.dense[(col, row)] = entry;
-                }
-            }
+            gram(self.work.len(), self.whitened.as_slice(), self.dense.as_mut_slice());
             if let Some(softness) = self.softness {
                 for (i, value) in softness.iter().enumerate() {
                     self.dense[(i, i)] += value;

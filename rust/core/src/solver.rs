@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::info::Info;
 use crate::params::Options;
 use crate::problem::{Needs, Problem};
-use crate::{cg, cholesky, minres, pinv, quasi_newton, regularised, sr1, tracked};
+use crate::{auto, cg, cholesky, minres, pinv, quasi_newton, regularised, sr1, tracked};
 
 /// Solves A x = b, one step after another. A solver owns its workspace and whatever it carries between steps.
 ///
@@ -121,6 +121,7 @@ pub struct SolverKind {
 
 /// Every solver. A new one is one file and one line here.
 pub static SOLVERS: &[SolverKind] = &[
+    auto::KIND,
     sr1::KIND,
     tracked::KIND,
     quasi_newton::SR1_CLASSIC,

@@ -110,6 +110,28 @@ impl ConstrainedSystem {
         matrix
     }
 
+    /// Makes a solver that needs A itself form it once more, as on a fresh step: for timing.
+    pub(crate) fn forget_matrix(&mut self) {
+        self.formed = self.nv() == 0;
+    }
+
+    /// Forms A now.
+    pub(crate) fn form_matrix(&mut self) {
+        self.problem(Wanted::Multipliers).matrix();
+    }
+
+    fn problem(&mut self, wanted: Wanted) -> Problem<'_> {
+        Problem {
+            wanted,
+            whitened: &self.whitened,
+            softness: self.softness.as_deref(),
+            dense: &mut self.dense,
+            formed: &mut self.formed,
+            rhs: &self.reduced_rhs,
+            work: self.work.as_mut_slice(),
+        }
+    }
+
     fn resize(&mut self, n: usize, nv: usize) {
         if (self.len(), self.nv()) == (n, nv) {
             return;
@@ -280,19 +302,14 @@ impl ConstrainedSystem {
             multipliers.fill(0.0);
             return Ok(Info { folded: self.len(), refolded: self.refolded, ..Info::trivial(self.outside) });
         }
-        let mut problem = Problem {
-            wanted,
-            whitened: &self.whitened,
-            softness: self.softness.as_deref(),
-            dense: &mut self.dense,
-            formed: &mut self.formed,
-            rhs: &self.reduced_rhs,
-            work: self.work.as_mut_slice(),
-        };
+        let mut solution = mem::take(&mut self.solution);
+        let mut problem = self.problem(wanted);
         if solver.needs() == Needs::Dense {
             problem.matrix();
         }
-        let mut info = solver.solve(&mut problem, &mut self.solution)?;
+        let solved = solver.solve(&mut problem, &mut solution);
+        self.solution = solution;
+        let mut info = solved?;
         self.fold.expand(&self.solution, multipliers);
         let norm = norm(self.rhs.as_slice());
         if norm > 0.0 {

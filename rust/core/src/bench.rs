@@ -1,0 +1,277 @@
+//! Times the solvers side by side, beside the pseudo-inverses that Rust's libraries offer.
+//!
+//! Everything runs on one recorded sequence: a [`Galley`] of n/6 pairs of oars, which is the paper's boat at n = 6. A third
+//! of the rows is redundant, and the null space turns. Two times are taken: from the assembled step to the multipliers, in
+//! which forming A counts for those that need it, and from the recorded A and b, as the libraries' decompositions see them.
+//! Right is who gives the minimum norm along this sequence, and along the same with rows that contradict one another, as
+//! they do wherever loops stand open. Rounds are interleaved, the median of the rounds is what counts, and only ratios
+//! within one table mean something.
+
+use std::time::Instant;
+
+use faer::{Mat, MatRef, Side};
+use nalgebra::{DMatrix, DVector};
+
+use crate::eigen::RANK_CUT;
+use crate::error::Error;
+use crate::kernels::norm;
+use crate::params::Options;
+use crate::problem::Wanted;
+use crate::solver::{MultiplierSolver, SOLVERS};
+use crate::system::ConstrainedSystem;
+use crate::test_problems::Galley;
+
+/// The sizes of the published table.
+pub const SIZES: [usize; 6] = [6, 12, 24, 48, 96, 192];
+
+/// Relative distance from the minimum-norm solution above which a solver does not count as right.
+pub const RIGHT: f64 = 1e-6;
+
+/// Timestep of the recorded sequence, s, and where it begins: at t = 0 some rows happen to be proportional.
+const TIMESTEP: f64 = 1e-3;
+const BEGIN: f64 = 0.4;
+
+/// What the accelerations asked for are off by in the contradicted sequence, m/s²: loops that stand open by 1e-6 m under
+/// Baumgarte's k = 1e4 /s².
+const CONTRADICTION: f64 = 1e-2;
+
+/// Steps before the timed ones: carried solvers begin with an eigendecomposition, and need a past to predict from.
+const WARM_UP: usize = 8;
+
+/// One contestant at one size.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Timing {
+    /// Name in the registry, or `library: method` of a pseudo-inverse that a library offers.
+    pub name: String,
+    /// Rows n.
+    pub n: usize,
+    /// Median over the rounds of the mean time of a solve, ns, from the assembled step.
+    pub solve_ns: f64,
+    /// The same from the recorded A and b.
+    pub given_ns: f64,
+    /// Largest relative distance from the minimum-norm solution over the sequence.
+    pub min_norm_error: f64,
+    /// The same where redundant rows contradict one another.
+    pub contradicted_error: f64,
+    /// Products a solve, mean; 0 for a library.
+    pub products: f64,
+    /// Whether it is a library's.
+    pub library: bool,
+}
+
+impl Timing {
+    /// Whether it gives the minimum-norm solution, contradicted or not.
+    #[must_use]
+    pub fn is_right(&self) -> bool {
+        self.min_norm_error <= RIGHT && self.contradicted_error <= RIGHT
+    }
+}
+
+/// Who takes part.
+enum Contestant {
+    Ours(Box<dyn MultiplierSolver>),
+    Library(&'static str, fn(&DMatrix<f64>, &DVector<f64>) -> DVector<f64>),
+}
+
+impl Contestant {
+    /// Into x; gives the number of products.
+    fn solve(
+        &mut self,
+        system: &mut ConstrainedSystem,
+        dense: &DMatrix<f64>,
+        x: &mut [f64],
+    ) -> Result<usize, Error> {
+        match self {
+            Self::Ours(solver) => Ok(system.solve(&mut **solver, Wanted::Multipliers, x)?.products),
+            Self::Library(_, solve) => {
+                x.copy_from_slice(solve(dense, system.rhs()).as_slice());
+                Ok(0)
+            }
+        }
+    }
+
+    fn reset(&mut self) {
+        if let Self::Ours(solver) = self {
+            solver.reset();
+        }
+    }
+}
+
+const LIBRARIES: [(&str, fn(&DMatrix<f64>, &DVector<f64>) -> DVector<f64>); 4] = [
+    ("nalgebra: symmetric eigen", nalgebra_eigen),
+    ("faer: symmetric eigen", faer_eigen),
+    ("nalgebra: SVD", nalgebra_svd),
+    ("faer: SVD", faer_svd),
+];
+
+/// U f(w) Uᵀ b with the eigenvalues (or singular values) below the cut dropped.
+fn apply_inverse(u: &DMatrix<f64>, values: &DVector<f64>, rhs: &DVector<f64>) -> DVector<f64> {
+    let cut = RANK_CUT * values.amax();
+    let mut inner = u.tr_mul(rhs);
+    for (entry, &value) in inner.iter_mut().zip(values.iter()) {
+        *entry = if value > cut { *entry / value } else { 0.0 };
+    }
+    u * inner
+}
+
+fn nalgebra_eigen(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
+    let eigen = matrix.clone().symmetric_eigen();
+    apply_inverse(&eigen.eigenvectors, &eigen.eigenvalues, rhs)
+}
+
+fn nalgebra_svd(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
+    let svd = matrix.clone().svd(true, true);
+    let cut = RANK_CUT * svd.singular_values.max();
+    svd.solve(rhs, cut).unwrap_or_else(|_| DVector::zeros(rhs.len()))
+}
+
+fn faer_view(matrix: &DMatrix<f64>) -> MatRef<'_, f64> {
+    MatRef::from_column_major_slice(matrix.as_slice(), matrix.nrows(), matrix.ncols())
+}
+
+/// V f(w) Uᵀ b of a decomposition of faer.
+fn apply_faer(u: MatRef<'_, f64>, v: MatRef<'_, f64>, values: &[f64], rhs: &DVector<f64>) -> DVector<f64> {
+    let n = rhs.len();
+    let cut = RANK_CUT * values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let mut inner = u.transpose() * MatRef::from_column_major_slice(rhs.as_slice(), n, 1);
+    for (i, &value) in values.iter().enumerate() {
+        inner[(i, 0)] = if value > cut { inner[(i, 0)] / value } else { 0.0 };
+    }
+    let x: Mat<f64> = v * inner;
+    DVector::from_iterator(n, (0..n).map(|i| x[(i, 0)]))
+}
+
+fn faer_eigen(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
+    faer_view(matrix).self_adjoint_eigen(Side::Lower).map_or_else(
+        |_| DVector::zeros(rhs.len()),
+        |eigen| {
+            let values: Vec<f64> = eigen.S().column_vector().iter().copied().collect();
+            apply_faer(eigen.U(), eigen.U(), &values, rhs)
+        },
+    )
+}
+
+fn faer_svd(matrix: &DMatrix<f64>, rhs: &DVector<f64>) -> DVector<f64> {
+    faer_view(matrix).svd().map_or_else(
+        |_| DVector::zeros(rhs.len()),
+        |svd| {
+            let values: Vec<f64> = svd.S().column_vector().iter().copied().collect();
+            apply_faer(svd.U(), svd.V(), &values, rhs)
+        },
+    )
+}
+
+/// Steps of a sequence that is timed: fewer of the large ones.
+fn steps(n: usize) -> usize {
+    (200_000 / (n * n)).clamp(32, 2000)
+}
+
+fn distance(x: &[f64], truth: &[f64]) -> f64 {
+    let difference: Vec<f64> = x.iter().zip(truth).map(|(a, b)| a - b).collect();
+    norm(&difference) / norm(truth)
+}
+
+/// Every solver of the registry, and the libraries' pseudo-inverses, at one size.
+///
+/// `interrupted` is asked between rounds; the table is then that of the rounds so far.
+///
+/// # Errors
+/// [`Error::Shape`] if n is not a multiple of 6 and at least 6; whatever a solver refuses.
+pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -> Result<Vec<Timing>, Error> {
+    if n == 0 || n % 6 != 0 {
+        let expected = "a multiple of 6, at least 6".to_owned();
+        return Err(Error::Shape { what: "n", expected, got: n.to_string() });
+    }
+    let mut smooth = Sequence::record(n, 0.0)?;
+    let mut contradicted = Sequence::record(n, CONTRADICTION)?;
+    let ours = SOLVERS.iter().map(|kind| (kind.build)(&Options::new()).map(Contestant::Ours));
+    let libraries = LIBRARIES.iter().map(|&(name, solve)| Ok(Contestant::Library(name, solve)));
+    let mut contestants = ours.chain(libraries).collect::<Result<Vec<_>, Error>>()?;
+    let mut table: Vec<Timing> = contestants
+        .iter()
+        .map(|contestant| {
+            let (name, library) = match contestant {
+                Contestant::Ours(solver) => (solver.name(), false),
+                Contestant::Library(name, _) => (*name, true),
+            };
+            Timing { name: name.to_owned(), n, library, ..Timing::default() }
+        })
+        .collect();
+    let mut times = vec![[const { Vec::new() }; 2]; contestants.len()];
+    for (contestant, timing) in contestants.iter_mut().zip(&mut table) {
+        (timing.contradicted_error, _) = contradicted.follow(contestant)?;
+        (timing.min_norm_error, timing.products) = smooth.follow(contestant)?;
+    }
+    for _ in 0..rounds.max(1) {
+        for (contestant, times) in contestants.iter_mut().zip(&mut times) {
+            times[0].push(smooth.time(contestant, true)?);
+            times[1].push(smooth.time(contestant, false)?);
+        }
+        if interrupted() {
+            break;
+        }
+    }
+    let median = |times: &mut Vec<f64>| {
+        times.sort_by(f64::total_cmp);
+        times[times.len() / 2]
+    };
+    for (timing, mut times) in table.iter_mut().zip(times) {
+        (timing.solve_ns, timing.given_ns) = (median(&mut times[0]), median(&mut times[1]));
+    }
+    Ok(table)
+}
+
+/// A recorded sequence with its solutions.
+struct Sequence {
+    systems: Vec<ConstrainedSystem>,
+    dense: Vec<DMatrix<f64>>,
+    truth: Vec<Vec<f64>>,
+    x: Vec<f64>,
+}
+
+impl Sequence {
+    /// A galley with n rows, whose accelerations asked for are off by `contradiction` of their size.
+    fn record(n: usize, contradiction: f64) -> Result<Self, Error> {
+        let count = WARM_UP + steps(n);
+        let mut systems = vec![ConstrainedSystem::new(); count];
+        for (step, system) in systems.iter_mut().enumerate() {
+            let time = BEGIN + TIMESTEP * step as f64;
+            let mut galley = Galley::new(n / 6, time);
+            galley.contradict(|row| contradiction * (7.0 * time + row as f64).sin());
+            system.assemble(&galley.view())?;
+        }
+        let dense: Vec<_> = systems.iter().map(ConstrainedSystem::full_matrix).collect();
+        let solve = |(matrix, system): (&DMatrix<f64>, &ConstrainedSystem)| {
+            faer_eigen(matrix, system.rhs()).as_slice().to_vec()
+        };
+        let truth = dense.iter().zip(&systems).map(solve).collect();
+        Ok(Self { systems, dense, truth, x: vec![0.0; n] })
+    }
+
+    /// Largest relative distance from the minimum norm, and products a solve.
+    fn follow(&mut self, contestant: &mut Contestant) -> Result<(f64, f64), Error> {
+        let (mut worst, mut products) = (0.0_f64, 0);
+        contestant.reset();
+        for ((system, dense), truth) in self.systems.iter_mut().zip(&self.dense).zip(&self.truth) {
+            products += contestant.solve(system, dense, &mut self.x)?;
+            worst = worst.max(distance(&self.x, truth));
+        }
+        Ok((worst, products as f64 / self.systems.len() as f64))
+    }
+
+    /// Mean time of a solve, ns; `forming`: A is not there yet.
+    fn time(&mut self, contestant: &mut Contestant, forming: bool) -> Result<f64, Error> {
+        contestant.reset();
+        for system in &mut self.systems {
+            if forming { system.forget_matrix() } else { system.form_matrix() }
+        }
+        let mut begin = Instant::now();
+        for (step, (system, dense)) in self.systems.iter_mut().zip(&self.dense).enumerate() {
+            if step == WARM_UP {
+                begin = Instant::now();
+            }
+            contestant.solve(system, dense, &mut self.x)?;
+        }
+        Ok(begin.elapsed().as_secs_f64() * 1e9 / (self.systems.len() - WARM_UP) as f64)
+    }
+}
