@@ -13,18 +13,22 @@
 //! ```
 //!
 //! Two products an iteration, H r and A x. The residual is computed, not updated by A s: when H is wrecked, x can
-//! grow until rounding swallows b, and an updated residual would not notice. ε is absolute, as published; the guard's relative form is a choice (the
-//! paper's text is damaged there).
+//! grow until rounding swallows b, and an updated residual would not notice. ε is absolute, as published; the guard's
+//! relative form is a choice (the paper's text is damaged there).
+//!
+//! Every step is sₖ = −Hₖ rₖ and every iterate xₖ₊₁ = Hₖ b, by the secant condition. [`Sr1::solve_observed`] shows
+//! them from within; which of the paper's claims about them hold is in the [crate's table](crate).
 //!
 //! # Where it falls short, on the paper's own example
 //!
-//! Every update is a multiple of (H r)(H r)ᵀ, so range(H) never leaves range(H₀). When null(A) turns, x still solves
-//! A x = b but is no longer the minimum-norm solution. When b leaves range(A), ‖A x − b‖ cannot fall below ‖Nᵀb‖ and
-//! the stopping test is out of reach for a small ε; further updates then come from rounding and wreck H. This file
-//! stays faithful, so that both show. It only refuses to hand garbage on. The minimum-norm solution obeys
-//! ‖A⁺b‖ ≤ ‖b‖ / λ⁺, with λ⁺ the smallest eigenvalue above the cut; an x beyond [`GROWTH_LIMIT`](crate::carried::GROWTH_LIMIT) times that meets the
-//! residual only through eigenvalues that are zero to rounding, and counts as [`Breakdown`](crate::Status::Breakdown). A solve that ends
-//! without convergence says so, recomputes H = A⁺ from an eigendecomposition ([`Info::refreshed`]) and gives x = A⁺ b.
+//! Every update is a multiple of (H r)(H r)ᵀ, so range(H) never leaves range(H₀). When null(A) turns, x still solves A
+//! x = b but is no longer the minimum-norm solution. When b leaves range(A), ‖A x − b‖ cannot fall below ‖Nᵀb‖ and the
+//! stopping test is out of reach for a small ε; further updates then come from rounding and wreck H. This file stays
+//! faithful, so that both show. It only refuses to hand garbage on. The minimum-norm solution obeys ‖A⁺b‖ ≤ ‖b‖ / λ⁺,
+//! with λ⁺ the smallest eigenvalue above the cut; an x beyond [`GROWTH_LIMIT`](crate::carried::GROWTH_LIMIT) times that
+//! meets the residual only through eigenvalues that are zero to rounding, and counts as
+//! [`Breakdown`](crate::Status::Breakdown). A solve that ends without convergence says so, recomputes H = A⁺ from an
+//! eigendecomposition ([`Info::refreshed`]) and gives x = A⁺ b.
 
 use crate::carried::{CarriedInverse, Iterate, check_state};
 use crate::eigen::RANK_CUT;
@@ -67,6 +71,26 @@ impl Params for Sr1Params {
             rank_cut: reader.fraction("rank_cut", RANK_CUT)?,
         })
     }
+}
+
+/// One pass of the loop as [`Sr1::solve_observed`] shows it, k = 0, 1, … up to the iterations of the solve; k = 0 is
+/// the start, s₀ = x₁ = H₀ b. Borrowed from the solver's workspace: what is to outlive the pass is copied.
+#[derive(Debug, Clone, Copy)]
+pub struct Iteration<'a> {
+    /// k.
+    pub k: usize,
+    /// Hₖ, `n×n`, column-major.
+    pub inverse: &'a [f64],
+    /// `step` of sₖ = `step` · `direction`: 1 at the start, then −αₖ₋₁; −1 where the guard skipped the update.
+    pub step: f64,
+    /// `direction` of sₖ, `n`: x₁ at the start, then Hₖ₋₁ rₖ.
+    pub direction: &'a [f64],
+    /// yₖ = A sₖ, as the difference rₖ₊₁ − rₖ that the algorithm works with, `n`.
+    pub y: &'a [f64],
+    /// xₖ₊₁ = xₖ + sₖ, `n`.
+    pub x: &'a [f64],
+    /// rₖ₊₁ = A xₖ₊₁ − b, `n`.
+    pub r: &'a [f64],
 }
 
 /// Algorithm (11) with the H of the last solve.
@@ -117,6 +141,62 @@ impl Sr1 {
         Ok(())
     }
 
+    /// [`solve`](MultiplierSolver::solve) that shows `observe` every pass, the last one included. Watching changes no
+    /// number, and an observer that does nothing costs nothing. What a refresh makes of a solve that did not converge
+    /// is not a pass.
+    ///
+    /// # Errors
+    /// Those of [`solve`](MultiplierSolver::solve).
+    pub fn solve_observed(
+        &mut self,
+        problem: &mut Problem<'_>,
+        x: &mut [f64],
+        mut observe: impl FnMut(&Iteration<'_>),
+    ) -> Result<Info, Error> {
+        let n = problem.len();
+        check_len("x", x.len(), &[n])?;
+        self.resize(n);
+        let Self { params, carried, at, y, hr } = self;
+        at.begin(carried, problem)?;
+        at.solve_with(carried, problem);
+        // y₀ = A x₁ = r₁ + b
+        y.copy_from_slice(&at.r);
+        axpy(1.0, problem.rhs(), y);
+        let mut step = 1.0;
+        let status = loop {
+            observe(&Iteration {
+                k: at.iterations,
+                inverse: &carried.inverse,
+                step,
+                direction: if at.iterations == 0 { &at.x } else { hr },
+                y,
+                x: &at.x,
+                r: &at.r,
+            });
+            if let Some(status) = at.verdict(carried, params.eps_abs, params.max_iterations) {
+                break status;
+            }
+            gemv(&carried.inverse, &at.r, hr);
+            let denominator = dot(hr, y);
+            step = -1.0;
+            if denominator.abs() > params.guard * norm(hr) * norm(y) {
+                step += dot(&at.r, hr) / denominator;
+                rank_one(-denominator.recip(), hr, &mut carried.inverse);
+            } else {
+                at.fallbacks += 1;
+            }
+            axpy(step, hr, &mut at.x);
+            y.copy_from_slice(&at.r);
+            at.residual(problem);
+            for (y, r) in y.iter_mut().zip(&at.r) {
+                *y = r - *y;
+            }
+            at.iterations += 1;
+            at.products += 1;
+        };
+        at.finish(status, carried, problem, x)
+    }
+
     fn resize(&mut self, n: usize) {
         if self.y.len() != n {
             *self = Self::sized(self.params, n);
@@ -134,38 +214,7 @@ impl MultiplierSolver for Sr1 {
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
-        let n = problem.len();
-        check_len("x", x.len(), &[n])?;
-        self.resize(n);
-        let Self { params, carried, at, y, hr } = self;
-        at.begin(carried, problem)?;
-        at.solve_with(carried, problem);
-        // y₀ = A x₁ = r₁ + b
-        y.copy_from_slice(&at.r);
-        axpy(1.0, problem.rhs(), y);
-        let status = loop {
-            if let Some(status) = at.verdict(carried, params.eps_abs, params.max_iterations) {
-                break status;
-            }
-            gemv(&carried.inverse, &at.r, hr);
-            let denominator = dot(hr, y);
-            let mut step = -1.0;
-            if denominator.abs() > params.guard * norm(hr) * norm(y) {
-                step += dot(&at.r, hr) / denominator;
-                rank_one(-denominator.recip(), hr, &mut carried.inverse);
-            } else {
-                at.fallbacks += 1;
-            }
-            axpy(step, hr, &mut at.x);
-            y.copy_from_slice(&at.r);
-            at.residual(problem);
-            for (y, r) in y.iter_mut().zip(&at.r) {
-                *y = r - *y;
-            }
-            at.iterations += 1;
-            at.products += 1;
-        };
-        at.finish(status, carried, problem, x)
+        self.solve_observed(problem, x, |_| {})
     }
 
     fn reset(&mut self) {

@@ -1,5 +1,5 @@
-//! Algorithm (11) on named problems, with frozen iteration counts, and the life of its carried H: what ends it and
-//! what starts it anew.
+//! Algorithm (11) on named problems, and the life of its carried H: what ends it and what starts it anew. The counts of
+//! whole runs are in `frozen_counts.rs`.
 
 mod support;
 
@@ -9,26 +9,20 @@ use oarlock_core::test_problems::{NV, PAPER_ITERATIONS, ROWS, boat};
 use oarlock_core::{ConstrainedSystem, Error, MultiplierSolver, Status, Wanted};
 use support::{ROUNDING, assert_within, diagonal, rows, solve, solver};
 
-/// The defaults, written out: the frozen counts are theirs.
+/// The defaults, written out: the counts are theirs.
 const PARAMS: Sr1Params = Sr1Params { eps_abs: 1e-6, guard: 1e-6, max_iterations: 50, rank_cut: 1e-10 };
 
 /// 12 s of the boat at 1 ms, as the paper runs it.
 const BOAT_STEPS: u32 = 12_000;
 
-/// Every so many steps x is compared with the reference; half a stroke, where the oars have turned most, is among them.
-const COMPARED: u32 = 10;
-
 /// The paper says neither its integrator nor its tolerance, and the mean runs from 1.983 to 2.001 as `eps_abs` goes
 /// from 1e-5 to 1e-8: a band narrower than that spread would claim more than is known.
 const PAPER_BAND: f64 = 0.05;
 
-/// The min-norm error of an x that solves A x = b only to `eps_abs`, relative to multipliers of order 10.
-const STOPPED: f64 = 1e-6;
-
 #[test]
-fn the_boat_takes_the_iterations_of_the_paper_and_loses_the_minimum_norm() {
-    let (mut sr1, mut pinv, mut system) = (Sr1::new(PARAMS), solver("pinv"), ConstrainedSystem::new());
-    let (mut total, mut most, mut worst) = (0, 0, 0.0_f64);
+fn the_boat_takes_the_iterations_of_the_paper() {
+    let (mut sr1, mut system) = (Sr1::new(PARAMS), ConstrainedSystem::new());
+    let mut total = 0;
     for k in 0..BOAT_STEPS {
         let step = boat(1e-3 * f64::from(k));
         system.assemble(&step.view()).unwrap();
@@ -39,7 +33,6 @@ fn the_boat_takes_the_iterations_of_the_paper_and_loses_the_minimum_norm() {
         assert_eq!((info.status, info.refreshed, info.fallbacks), (Status::Converged, k <= 1, 0), "step {k}");
         assert!(k > 1 || info.iterations == 0, "the first H₀ is exact");
         total += info.iterations;
-        most = most.max(info.iterations);
 
         // The acceleration does what the rows ask for, whatever the norm of x.
         let (mut qfrc, mut qacc) = (DVector::zeros(NV), DVector::zeros(NV));
@@ -52,19 +45,9 @@ fn the_boat_takes_the_iterations_of_the_paper_and_loses_the_minimum_norm() {
             (reached - &asked).norm(),
             PARAMS.eps_abs + rounding,
         );
-
-        if k % COMPARED == 0 {
-            let minimum = solve(&mut *pinv, &mut system).0;
-            worst = worst.max((x - &minimum).norm() / minimum.norm());
-        }
     }
-    // Frozen; they move with a few roundings of libm or the eigensolver, and are then updated on purpose.
-    assert_eq!((total, most), (23_982, 3));
     let mean = f64::from(u32::try_from(total).unwrap()) / f64::from(BOAT_STEPS);
     assert_within("mean iterations against the paper", (mean - PAPER_ITERATIONS).abs(), PAPER_BAND);
-    // The published shortcoming: range(H) stays where the oars pointed at t = 0, and they turn up to 60° from there.
-    let turned = 60.0_f64.to_radians().tan();
-    assert_within("largest min-norm error is tan 60°", (worst - turned).abs(), STOPPED);
 }
 
 /// The third row is the sum of the others: redundant, and nothing to fold.
@@ -74,7 +57,7 @@ const SUM: [[f64; 3]; 3] = [[1.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 2.0]];
 type Outcome = (Status, usize, usize);
 
 #[test]
-fn ugly_changes_keep_their_frozen_counts() {
+fn ugly_changes_end_as_they_can_be_followed_by_hand() {
     use Status::{Breakdown, Converged};
     let diag = |a, b, c| [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]];
     let (one, ones) = (diag(1.0, 1.0, 1.0), [1.0; 3]);

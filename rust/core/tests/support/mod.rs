@@ -3,6 +3,9 @@
 
 #![allow(dead_code)] // each test file uses its own part
 
+pub mod change;
+pub mod trace;
+
 use std::iter::repeat_n;
 
 use nalgebra::{DMatrix, DVector};
