@@ -1,0 +1,265 @@
+//! One solver through one script, and what must hold at every step of it.
+
+use nalgebra::DVector;
+use oarlock_core::solver::SolverKind;
+use oarlock_core::{ConstrainedSystem, Error, Info, MultiplierSolver, Options, State, Wanted};
+
+use crate::expected::{of_dense, of_step, tame, tame_input, view};
+use crate::script::{Action, Corruption, Input, Script};
+
+/// Rounding of one product of at most a dozen rows, and of what folding and unfolding adds.
+const ROUNDING: f64 = 1e-12;
+
+/// Residual asked of the good system that ends a script: `eps_abs` of the quasi-Newton solvers, b of order one.
+const SOLVED: f64 = 1e-6;
+
+/// Iterations of a solver made with options, at most: a script may not ask for a million.
+const MOST_ITERATIONS: f64 = 200.0;
+
+/// Plays a script to a solver.
+///
+/// # Panics
+/// If the solver does what it must not.
+pub fn play(kind: &'static SolverKind, script: &Script) {
+    let names = (kind.options)();
+    let mut options = Options::new();
+    let mut limit = names.iter().find(|(name, _)| *name == "max_iterations").map(|(_, most)| *most);
+    for &(number, value) in &script.options {
+        let (name, _) = names[usize::from(number) % names.len()];
+        let value = if name == "max_iterations" { value.min(MOST_ITERATIONS) } else { value };
+        limit = if name == "max_iterations" { Some(value) } else { limit };
+        options = options.with(name, value);
+    }
+    match (kind.build)(&options) {
+        Ok(solver) => {
+            let by_default = script.options.is_empty();
+            let mut session = Session {
+                kind,
+                options,
+                limit,
+                by_default,
+                solver,
+                system: ConstrainedSystem::new(),
+                anew: true,
+            };
+            script.actions.iter().for_each(|action| session.act(action));
+            session.end_well();
+        }
+        Err(Error::OptionValue { solver, option, .. }) => {
+            assert!(
+                solver == kind.name && names.iter().any(|(name, _)| *name == option),
+                "{}: {option}",
+                kind.name
+            );
+        }
+        Err(error) => panic!("{}: {error} for {options:?}", kind.name),
+    }
+}
+
+/// One solver and its system.
+pub struct Session {
+    kind: &'static SolverKind,
+    options: Options,
+    limit: Option<f64>,
+    /// Whether the solver has its default options, with which it must find the solution.
+    by_default: bool,
+    solver: Box<dyn MultiplierSolver>,
+    system: ConstrainedSystem,
+    /// Whether a new solver would answer the same.
+    anew: bool,
+}
+
+impl Session {
+    fn fresh(&self) -> Box<dyn MultiplierSolver> {
+        (self.kind.build)(&self.options).expect("built before")
+    }
+
+    fn restored(&self, state: &State) -> Result<Box<dyn MultiplierSolver>, Error> {
+        let mut solver = self.fresh();
+        solver.restore(state)?;
+        Ok(solver)
+    }
+
+    fn act(&mut self, action: &Action) {
+        match action {
+            Action::Solve(input, wanted) => self.step(input, *wanted),
+            Action::Reset => {
+                self.solver.reset();
+                self.anew = true;
+            }
+            Action::Copy => self.solver = self.solver.clone_box(),
+            Action::Restore => self.solver = self.restored(&self.solver.state()).expect("its own state"),
+            Action::Corrupt(corruption) => {
+                let state = corrupted(self.solver.state(), *corruption);
+                match self.restored(&state) {
+                    Ok(solver) => {
+                        self.solver = solver;
+                        self.anew = false;
+                    }
+                    Err(Error::State { .. }) => {}
+                    Err(error) => panic!("{}: {error} for {state:?}", self.kind.name),
+                }
+            }
+        }
+    }
+
+    fn step(&mut self, input: &Input, wanted: Wanted) {
+        let filled = match input {
+            Input::Step(step) => self.system.assemble(&view(step)),
+            Input::Dense(dense) => self.system.set_dense(&dense.matrix, &dense.rhs),
+        };
+        let expected = match input {
+            Input::Step(step) => of_step(step, &filled),
+            Input::Dense(dense) => of_dense(dense, &filled),
+        };
+        assert!(expected, "{}: {filled:?} of {input:?}", self.kind.name);
+        match filled {
+            Ok(()) => self.solve(input, wanted),
+            Err(error) => named(&error),
+        }
+    }
+
+    fn solve(&mut self, input: &Input, wanted: Wanted) {
+        let mut twins = vec![
+            ("copy", self.solver.clone_box()),
+            ("restored", self.restored(&self.solver.state()).expect("its own state")),
+        ];
+        if self.anew {
+            twins.push(("new", self.fresh()));
+        }
+        let system = self.system.clone();
+        let before = self.solver.state();
+        let (got, x) = answer(&mut self.system, &mut *self.solver, wanted);
+        let (kind, options) = (self.kind.name, self.options.clone());
+        let told = || format!("{kind}: {got:?} {x:?} of {input:?}, {options:?}, from {before:?}");
+        for (name, mut twin) in twins {
+            let (same, twin_x) = answer(&mut system.clone(), &mut *twin, wanted);
+            let bits = |x: &[f64]| x.iter().map(|entry| entry.to_bits()).collect::<Vec<_>>();
+            let agree = match (&got, &same) {
+                (Ok(info), Ok(same)) => info == same && bits(&x) == bits(&twin_x),
+                (Err(error), Err(same)) => error.to_string() == same.to_string(),
+                _ => false,
+            };
+            assert!(agree, "the {name} one gives {same:?} {twin_x:?}; {}", told());
+        }
+        match &got {
+            Ok(info) => {
+                self.anew = false;
+                self.check(info, &x, &told);
+            }
+            Err(error) => {
+                named(error);
+                let possible = match error {
+                    Error::NotPositiveSemidefinite { smallest, largest } => {
+                        let psd = matches!(input, Input::Step(_))
+                            || matches!(input, Input::Dense(dense) if dense.is_gram());
+                        !psd && *smallest < 0.0 && smallest <= largest
+                    }
+                    Error::NonFinite { value, .. } => !value.is_finite() && !tame_input(input),
+                    _ => false,
+                };
+                assert!(possible, "{}", told());
+            }
+        }
+    }
+
+    fn check(&mut self, info: &Info, x: &[f64], told: &dyn Fn() -> String) {
+        let n = self.system.len();
+        let figures = [Some(info.residual_rel), info.inconsistency, info.null_residual];
+        let sane = x.iter().all(|entry| entry.is_finite())
+            && figures.iter().flatten().all(|figure| figure.is_finite() && *figure >= 0.0)
+            && info.rank.is_none_or(|rank| rank <= n)
+            && info.folded <= n
+            && self.limit.is_none_or(|limit| info.iterations as f64 <= limit);
+        assert!(sane, "{}", told());
+
+        let (matrix, rhs) = (self.system.full_matrix(), self.system.rhs());
+        let entries = matrix.iter().chain(rhs.iter()).chain(x).copied().collect::<Vec<_>>();
+        if tame(&entries) {
+            let x = DVector::from_column_slice(x);
+            let miss = (&matrix * &x - rhs).norm();
+            let reported = (info.residual_rel * rhs.norm()).hypot(info.inconsistency.unwrap_or(0.0));
+            let noise = ROUNDING * (matrix.norm() * x.norm() + rhs.norm());
+            assert!(
+                (miss - reported).abs() <= noise + 1e-6 * miss,
+                "residual {miss:e}, not {reported:e}: {}",
+                told()
+            );
+        }
+        if self.system.nv() > 0 {
+            let (mut qfrc, mut qacc) = (vec![0.0; self.system.nv()], vec![0.0; self.system.nv()]);
+            match self.system.acceleration(x, &mut qfrc, &mut qacc) {
+                Ok(()) => {
+                    assert!(qfrc.iter().chain(&qacc).all(|entry| entry.is_finite()), "{qacc:?}, {}", told())
+                }
+                Err(error) => assert!(matches!(error, Error::NonFinite { .. }), "{error}, {}", told()),
+            }
+        }
+    }
+
+    /// After whatever came, a good system is solved well.
+    fn end_well(&mut self) {
+        self.system
+            .set_dense(&[2.0, 1.0, 0.0, 1.0, 2.0, 0.0, 0.0, 0.0, 4.0], &[1.0, -1.0, 2.0])
+            .expect("good");
+        for _ in 0..2 {
+            let (got, x) = answer(&mut self.system, &mut *self.solver, Wanted::Multipliers);
+            if self.by_default {
+                let miss =
+                    (self.system.full_matrix() * DVector::from_column_slice(&x) - self.system.rhs()).norm();
+                assert!(got.is_ok() && miss <= SOLVED, "{}: {got:?} {x:?}, {miss:e} off", self.kind.name);
+            }
+        }
+    }
+}
+
+/// Solves into an x of NaNs.
+fn answer(
+    system: &mut ConstrainedSystem,
+    solver: &mut dyn MultiplierSolver,
+    wanted: Wanted,
+) -> (Result<Info, Error>, Vec<f64>) {
+    let mut x = vec![f64::NAN; system.len()];
+    (system.solve(solver, wanted, &mut x), x)
+}
+
+/// One line that names a value, or an array that has none.
+fn named(error: &Error) {
+    let message = error.to_string();
+    let value = message.contains(|c: char| c.is_ascii_digit() || c == '\'') || message.contains("is empty");
+    assert!(value && !message.contains('\n'), "{message}");
+}
+
+fn corrupted(mut state: State, corruption: Corruption) -> State {
+    let name = |state: &State, number: u8| {
+        let names = state.fields.keys().collect::<Vec<_>>();
+        (!names.is_empty()).then(|| names[usize::from(number) % names.len()].clone())
+    };
+    match corruption {
+        Corruption::Entry(field, index, value) => {
+            if let Some(field) = name(&state, field).and_then(|name| state.fields.get_mut(&name)) {
+                let len = field.len().max(1);
+                if let Some(entry) = field.get_mut(usize::from(index) % len) {
+                    *entry = value;
+                }
+            }
+        }
+        Corruption::Cut(field) => {
+            if let Some(field) = name(&state, field).and_then(|name| state.fields.get_mut(&name)) {
+                field.pop();
+            }
+        }
+        Corruption::Missing(field) => {
+            if let Some(name) = name(&state, field) {
+                state.fields.remove(&name);
+            }
+        }
+        Corruption::Unknown => return state.with("unknown", &[1.0]),
+        Corruption::Size(size) => state.size = size,
+        Corruption::Emptied(size) => {
+            state.fields.clear();
+            state.size = size;
+        }
+    }
+    state
+}
