@@ -101,13 +101,13 @@ pub enum Error {
         /// The range.
         expected: &'static str,
     },
-    /// A saved state belongs to another solver or another size.
-    #[error("state of solver '{got}', expected one of solver '{expected}' with every field of its size")]
+    /// A saved state belongs to another solver or another version, or is not whole.
+    #[error("solver '{solver}' cannot take the state: {reason}")]
     State {
         /// The solver that was to take it.
-        expected: &'static str,
-        /// The solver that it names.
-        got: String,
+        solver: &'static str,
+        /// What is wrong, and what was expected.
+        reason: String,
     },
     /// A law of time does not parse or names an unknown variable.
     #[error("time law '{law}': {reason}")]

@@ -279,9 +279,11 @@ impl<M: Method> MultiplierSolver for Krylov<M> {
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         let kept = state.fields.contains_key("x");
         state.check(M::NAME, &[("x", if kept { state.size } else { 0 })])?;
-        self.resize(state.size);
-        self.kept = kept;
+        state.check_names(M::NAME, &["x"])?;
+        self.kept = false;
         if kept {
+            self.resize(state.size);
+            self.kept = true;
             self.x.copy_from_slice(state.field("x"));
         }
         Ok(())

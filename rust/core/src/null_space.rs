@@ -190,8 +190,8 @@ impl NullSpace {
         let solver = TrackedParams::SOLVER;
         state.check(solver, &[("null_track", 2 + HISTORY)])?;
         let track = state.field("null_track");
-        let size = State::count(track[0], self.n, solver)? * self.n;
-        let kept = State::count(track[1], HISTORY, solver)?;
+        let size = State::count(track[0], 0..=self.n, solver)? * self.n;
+        let kept = State::count(track[1], 1..=HISTORY, solver)?;
         state.check(solver, &[("null", size), ("null_past", HISTORY * size)])?;
         self.restart(state.field("null").chunks_exact(self.n.max(1)));
         self.kept = kept;

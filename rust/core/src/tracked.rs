@@ -484,14 +484,18 @@ impl MultiplierSolver for Tracked {
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         check_state(state, TrackedParams::SOLVER)?;
-        let mut restored = Self::sized(self.params, state.size);
-        if state.fields.contains_key("inverse") {
-            let n = state.size;
+        state.check_names(
+            TrackedParams::SOLVER,
+            &["inverse", "least", "past", "track", "null", "null_past", "null_track"],
+        )?;
+        let n = if state.fields.is_empty() { 0 } else { state.size };
+        let mut restored = Self::sized(self.params, n);
+        if n > 0 {
             state.check(TrackedParams::SOLVER, &[("past", HISTORY * n), ("track", 1 + HISTORY)])?;
             restored.carried.restore(state);
             restored.null.load(state)?;
             let (kept, misses) = state.field("track").split_at(1);
-            restored.kept = State::count(kept[0], HISTORY, TrackedParams::SOLVER)?;
+            restored.kept = State::count(kept[0], 0..=HISTORY, TrackedParams::SOLVER)?;
             restored.misses.copy_from_slice(misses);
             for (past, saved) in restored.past.iter_mut().zip(state.field("past").chunks_exact(n)) {
                 past.copy_from_slice(saved);
