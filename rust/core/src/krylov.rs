@@ -175,10 +175,12 @@ impl<M: Method> Krylov<M> {
         self.r.copy_from_slice(problem.rhs());
     }
 
-    /// x loses what b has brought into null(A), where r lies.
-    fn minimise_norm(&mut self) {
+    /// x loses what b has brought into null(A), where r lies, but for its image A r in `before`; gives ‖b − A x‖.
+    fn minimise_norm(&mut self) -> f64 {
         let along = dot(&self.r, &self.x) / dot(&self.r, &self.r);
         axpy(-along, &self.r, &mut self.x);
+        axpy(along, &self.before, &mut self.r);
+        norm(&self.r)
     }
 }
 
@@ -237,7 +239,7 @@ impl<M: Method> MultiplierSolver for Krylov<M> {
                         status = Status::Converged;
                         // An r that is all rounding would spoil x.
                         if image <= goal.norm * rtol * r_norm {
-                            self.minimise_norm();
+                            r_norm = self.minimise_norm();
                         }
                     }
                 }
