@@ -396,6 +396,8 @@ impl Tracked {
     fn refresh(&mut self, problem: &mut Problem<'_>) -> Result<f64, Error> {
         self.kept = 0;
         self.misses = [0.0; HISTORY];
+        // What is not kept is saved all the same, and may have overflowed.
+        self.past.iter_mut().for_each(|past| past.fill(0.0));
         self.carried.refresh(problem)?;
         let eigen = self.carried.eigen();
         self.null.restart((0..eigen.len() - eigen.rank()).map(|i| eigen.vector(i)));
