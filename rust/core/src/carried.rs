@@ -27,13 +27,7 @@ impl CarriedInverse {
     /// For `n×n`; stale until its first [`refresh`](Self::refresh).
     #[must_use]
     pub fn new(n: usize, rank_cut: f64) -> Self {
-        Self {
-            inverse: vec![0.0; n * n],
-            eigen: SymmetricEigen::new(n),
-            rank_cut,
-            stale: true,
-            least: 0.0,
-        }
+        Self { inverse: vec![0.0; n * n], eigen: SymmetricEigen::new(n), rank_cut, stale: true, least: 0.0 }
     }
 
     /// The size it was made for.

@@ -17,6 +17,10 @@ use crate::problem::Problem;
 /// about δ². A harness that asks the hard question on drifted states must raise the cut above that.
 pub const RANK_CUT: f64 = 1e-10;
 
+/// An eigenvalue below minus this part of the largest means that A is not positive semidefinite. Rounding leaves n·ε,
+/// whatever the rank cut; a sign that is wrong in a formula leaves order one.
+pub const SEMIDEFINITE_TOLERANCE: f64 = 1e-10;
+
 /// A = U diag(w) Uᵀ and the rank by a relative cut.
 pub struct SymmetricEigen {
     vectors: Mat<f64>,
@@ -76,7 +80,7 @@ impl SymmetricEigen {
     /// largest.
     ///
     /// # Errors
-    /// [`Error::NotPositiveSemidefinite`] when an eigenvalue lies below minus the cut, [`Error::Eigen`].
+    /// [`Error::NotPositiveSemidefinite`] by [`SEMIDEFINITE_TOLERANCE`], [`Error::Eigen`].
     pub fn decompose(&mut self, matrix: &DMatrix<f64>, rank_cut: f64) -> Result<(), Error> {
         let n = self.len();
         let view = MatRef::from_column_major_slice(matrix.as_slice(), n, n);
@@ -91,8 +95,9 @@ impl SymmetricEigen {
         .map_err(|_| Error::Eigen { n })?;
         let (smallest, largest) = (self.values[0], self.values[n - 1]);
         // A matrix that is zero to rounding has rank 0; its sign says nothing.
-        let cut = rank_cut * largest.abs().max(f64::MIN_POSITIVE);
-        if smallest < -cut {
+        let scale = largest.abs().max(smallest.abs()).max(f64::MIN_POSITIVE);
+        let cut = rank_cut * scale;
+        if smallest < -SEMIDEFINITE_TOLERANCE * scale {
             return Err(Error::NotPositiveSemidefinite { smallest, largest });
         }
         self.rank = (0..n).filter(|&i| self.values[i] > cut).count();

@@ -153,7 +153,7 @@ impl Regularised {
             epsilon *= GROWTH;
             grown += 1;
             if !epsilon.is_finite() {
-                return Err(Error::Eigen { n });
+                return Err(Error::NonFinite { what: "epsilon", index: 0, value: epsilon });
             }
         }
     }
