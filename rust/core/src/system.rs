@@ -260,9 +260,13 @@ impl ConstrainedSystem {
         }
         self.rhs.copy_from_slice(rhs);
         self.refold(true);
-        for (col, (col_row, col_scale)) in self.fold.classes().enumerate() {
-            for (row, (row_row, row_scale)) in self.fold.classes().enumerate() {
-                self.dense[(row, col)] = row_scale * col_scale * self.given[(row_row, col_row)];
+        // Tᵀ A T, not the representatives' entries: those of a small row are rounding next to its large ones.
+        self.dense.fill(0.0);
+        for (col, share) in self.fold.shares().enumerate() {
+            let Some((col_class, col_entry)) = share else { continue };
+            for (row, share) in self.fold.shares().enumerate() {
+                let Some((row_class, row_entry)) = share else { continue };
+                self.dense[(row_class, col_class)] += row_entry * col_entry * self.given[(row, col)];
             }
         }
         self.formed = true;
