@@ -83,6 +83,15 @@ impl SymmetricEigen {
     /// [`Error::NotPositiveSemidefinite`] by [`SEMIDEFINITE_TOLERANCE`], [`Error::Eigen`].
     pub fn decompose(&mut self, matrix: &DMatrix<f64>, rank_cut: f64) -> Result<(), Error> {
         let n = self.len();
+        if matrix.iter().all(|entry| entry.abs() < f64::MIN_POSITIVE) {
+            // faer gives up on subnormal numbers; they count as zero.
+            self.vectors.fill(0.0);
+            for i in 0..n {
+                (self.vectors[(i, i)], self.values[i]) = (1.0, 0.0);
+            }
+            self.rank = 0;
+            return Ok(());
+        }
         let view = MatRef::from_column_major_slice(matrix.as_slice(), n, n);
         self_adjoint_evd(
             view,
@@ -94,10 +103,10 @@ impl SymmetricEigen {
         )
         .map_err(|_| Error::Eigen { n })?;
         let (smallest, largest) = (self.values[0], self.values[n - 1]);
-        // A matrix that is zero to rounding has rank 0; its sign says nothing.
-        let scale = largest.abs().max(smallest.abs()).max(f64::MIN_POSITIVE);
-        let cut = rank_cut * scale;
-        if smallest < -SEMIDEFINITE_TOLERANCE * scale {
+        // Subnormal eigenvalues count as zero, and their sign says nothing.
+        let scale = largest.abs().max(smallest.abs());
+        let cut = (rank_cut * scale).max(f64::MIN_POSITIVE);
+        if smallest < -(SEMIDEFINITE_TOLERANCE * scale).max(f64::MIN_POSITIVE) {
             return Err(Error::NotPositiveSemidefinite { smallest, largest });
         }
         self.rank = (0..n).filter(|&i| self.values[i] > cut).count();

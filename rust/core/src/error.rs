@@ -31,7 +31,9 @@ pub enum Error {
         value: f64,
     },
     /// A number whose square would overflow, or nearly.
-    #[error("{what}[{index}] = {value:e}, expected numbers up to {LARGEST:e}: squares of larger ones overflow")]
+    #[error(
+        "{what}[{index}] = {value:e}, expected numbers up to {LARGEST:e}: squares of larger ones overflow"
+    )]
     TooLarge {
         /// The array's name.
         what: &'static str,

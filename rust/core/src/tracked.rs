@@ -386,7 +386,7 @@ impl Tracked {
         let growth = trace * problem.trace() * self.params.rank_cut;
         // The trace of A⁺ is at most r / λ⁺, and that of A at most r times its largest eigenvalue.
         #[allow(clippy::suboptimal_flops)]
-        if growth > (n * n) as f64 || self.carried.too_large(norm(&self.x), b_norm) {
+        if !growth.is_finite() || growth > (n * n) as f64 || self.carried.too_large(norm(&self.x), b_norm) {
             return Err(Lost);
         }
         Ok((inconsistency, null_error))
@@ -412,7 +412,7 @@ impl Tracked {
         for (order, coefficients) in EXTRAPOLATION.iter().enumerate().take(self.kept) {
             extrapolate(coefficients, &self.past, &mut self.y);
             axpy(-1.0, &self.x, &mut self.y);
-            self.misses[order] = norm(&self.y).max(0.5 * self.misses[order]);
+            self.misses[order] = norm(&self.y).max(0.5 * self.misses[order]).min(f64::MAX);
         }
         self.past.rotate_right(1);
         self.past[0].copy_from_slice(&self.x);

@@ -237,7 +237,8 @@ fn bad_dense_systems_are_refused_with_the_value_and_leave_the_last_one_alone() {
     system.set_dense(&[1e4, 0.0, 5e-7, 1.0], &[1.0, 1.0]).unwrap();
     assert_eq!(system.full_matrix().as_slice(), [1e4, 2.5e-7, 2.5e-7, 1.0]);
     let error = system.set_dense(&[f64::MAX], &[1.0]).unwrap_err().to_string();
-    let expected = "A[0] = 1.7976931348623157e308, expected numbers up to 1e150: squares of larger ones overflow";
+    let expected =
+        "A[0] = 1.7976931348623157e308, expected numbers up to 1e150: squares of larger ones overflow";
     assert_eq!(error, expected);
     system.set_dense(&[1e150], &[-1e150]).unwrap();
     assert_eq!((system.full_matrix()[0], system.rhs()[0]), (1e150, -1e150));

@@ -8,6 +8,9 @@ use crate::script::{Dense, Input, Step};
 /// Entries of a size from which no product of a few of them overflows or underflows.
 const TAME: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
+/// Entries of M.
+const NEAR_ONE: std::ops::RangeInclusive<f64> = 1e-4..=1e4;
+
 /// A 2×2 minor with an eigenvalue below minus this part of the largest entry makes A indefinite beyond any tolerance.
 const CLEARLY: f64 = 1e-6;
 
@@ -16,11 +19,15 @@ pub fn tame<'a>(entries: impl IntoIterator<Item = &'a f64>) -> bool {
     entries.into_iter().all(|entry| *entry == 0.0 || TAME.contains(&entry.abs()))
 }
 
-/// Whether every entry of every array is.
+/// Whether every entry of every array is, and M, by which A is divided, is near one in size. Rows count as zero next to
+/// rows 10¹² times as large, whatever M makes of them.
 #[must_use]
 pub fn tame_input(input: &Input) -> bool {
     match input {
-        Input::Step(step) => tame(entries(step)),
+        Input::Step(step) => {
+            let near = |entry: &f64| *entry == 0.0 || NEAR_ONE.contains(&entry.abs());
+            step.mass.iter().all(near) && tame(entries(step))
+        }
         Input::Dense(dense) => tame(dense.matrix.iter().chain(&dense.rhs)),
     }
 }
@@ -55,6 +62,7 @@ pub fn of_step(step: &Step, got: &Result<(), Error>) -> bool {
         infinite: !entries(step).all(|entry| entry.is_finite()),
         negative: softness.is_some_and(|softness| softness.iter().any(|&entry| entry < 0.0)),
         asymmetric: false,
+        large: false,
     };
     if flaws.any() {
         return got.as_ref().is_err_and(|error| flaws.account_for(error));
@@ -62,7 +70,7 @@ pub fn of_step(step: &Step, got: &Result<(), Error>) -> bool {
     match got {
         Ok(()) => true,
         Err(Error::MassNotPositiveDefinite { .. }) => !is_positive_diagonal(&step.mass, nv),
-        Err(Error::NonFinite { .. }) => !tame(entries(step)),
+        Err(Error::NonFinite { .. } | Error::TooLarge { .. }) => !tame(entries(step)),
         Err(_) => false,
     }
 }
@@ -79,6 +87,7 @@ pub fn of_dense(dense: &Dense, got: &Result<(), Error>) -> bool {
         shape,
         infinite: !matrix.iter().chain(&dense.rhs).all(|entry| entry.is_finite()),
         negative: false,
+        large: !tame(matrix.iter().chain(&dense.rhs)),
         asymmetric: !shape && (0..n * n).any(|at| gap(at) > SYMMETRY_TOLERANCE * largest),
     };
     if flaws.any() {
@@ -89,7 +98,7 @@ pub fn of_dense(dense: &Dense, got: &Result<(), Error>) -> bool {
         Err(Error::NotPositiveSemidefinite { smallest, largest }) => {
             !dense.is_gram() && *smallest < 0.0 && smallest <= largest
         }
-        Err(Error::NonFinite { .. }) => !tame(matrix.iter().chain(&dense.rhs)),
+        Err(Error::NonFinite { .. } | Error::TooLarge { .. }) => !tame(matrix.iter().chain(&dense.rhs)),
         Err(_) => false,
     }
 }
@@ -100,6 +109,8 @@ struct Flaws {
     infinite: bool,
     negative: bool,
     asymmetric: bool,
+    /// Not a flaw, but may be named beside one.
+    large: bool,
 }
 
 impl Flaws {
@@ -114,6 +125,7 @@ impl Flaws {
             Error::NonFinite { .. } => self.infinite,
             Error::NegativeRegularisation { .. } => self.negative,
             Error::NotSymmetric { .. } => self.asymmetric,
+            Error::TooLarge { .. } => self.large,
             _ => false,
         }
     }
