@@ -2,7 +2,7 @@
 
 use std::mem;
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::eigen::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
 use crate::error::{Error, LARGEST, check_finite, check_len, check_size};
@@ -169,7 +169,12 @@ impl ConstrainedSystem {
         // A symmetric row-major M is its own column-major form, and row-major J is column-major Jᵀ.
         let mut factor = mem::take(&mut self.mass_factor);
         factor.copy_from_slice(step.mass);
-        let Some(factor) = Cholesky::new(factor) else {
+        // A pivot that has cancelled to rounding is none: M is singular.
+        let sound = |factor: &Cholesky<f64, Dyn>| {
+            let (pivots, floor) = (factor.l_dirty(), nv as f64 * f64::EPSILON);
+            (0..nv).all(|i| pivots[(i, i)].powi(2) > floor * step.mass[i * nv + i])
+        };
+        let Some(factor) = Cholesky::new(factor).filter(sound) else {
             // The old factor went with the attempt: without it there is no way back to accelerations.
             *self = Self::default();
             let diagonal = (0..nv).map(|i| step.mass[i * nv + i]);

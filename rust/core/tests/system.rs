@@ -192,6 +192,8 @@ fn a_mass_matrix_without_cholesky_factor_is_refused_with_its_diagonal() {
         (&[2.0, 0.0, 0.0, -1.0], "-1e0 to 2e0"),
         (&[0.5, 0.0, 0.0, 0.0], "0e0 to 5e-1"),
         (&[1.0, 3.0, 3.0, 4.0], "1e0 to 4e0"),
+        // Singular, and its last pivot rounds to 4e-16.
+        (&[3.0, 0.1, 0.1, 0.1 * 0.1 / 3.0 + 1e-18], "3.333333333333335e-3 to 3e0"),
     ] {
         let message = ConstrainedSystem::new().assemble(&step(mass)).unwrap_err().to_string();
         let expected = format!(
