@@ -320,7 +320,7 @@ impl ConstrainedSystem {
     /// Solves A λ = b with `solver`, into `multipliers` (`n`).
     ///
     /// Quotients can overflow even so: that is refused, and the solver starts anew, as after
-    /// [`reset`](MultiplierSolver::reset). Numbers below 1e-150 may underflow and count as zero.
+    /// [`reset`](MultiplierSolver::reset). Products A b below 1e-150 may underflow, and count as zero.
     ///
     /// # Errors
     /// Those of the solver, [`Error::Shape`], and [`Error::NonFinite`] where λ or its residual overflow.

@@ -54,18 +54,15 @@ pub fn view(step: &Step) -> StepView<'_> {
 pub fn of_step(step: &Step, got: &Result<(), Error>) -> bool {
     let (n, nv) = (step.aref.len(), step.force.len());
     let softness = step.softness.as_deref();
-    let flaws = Flaws {
-        empty: n == 0 || nv == 0,
-        shape: step.mass.len() != nv * nv
-            || step.jacobian.len() != n * nv
-            || softness.is_some_and(|softness| softness.len() != n),
-        infinite: !entries(step).all(|entry| entry.is_finite()),
-        negative: softness.is_some_and(|softness| softness.iter().any(|&entry| entry < 0.0)),
-        asymmetric: false,
-        large: false,
-    };
-    if flaws.any() {
-        return got.as_ref().is_err_and(|error| flaws.account_for(error));
+    let flaws = flaws([
+        (Flaw::Empty, n == 0 || nv == 0),
+        (Flaw::Shape, step.mass.len() != nv * nv || step.jacobian.len() != n * nv),
+        (Flaw::Shape, softness.is_some_and(|softness| softness.len() != n)),
+        (Flaw::Infinite, !entries(step).all(|entry| entry.is_finite())),
+        (Flaw::Negative, softness.is_some_and(|softness| softness.iter().any(|&entry| entry < 0.0))),
+    ]);
+    if !flaws.is_empty() {
+        return got.as_ref().is_err_and(|error| account_for(&flaws, error));
     }
     match got {
         Ok(()) => true,
@@ -82,61 +79,61 @@ pub fn of_dense(dense: &Dense, got: &Result<(), Error>) -> bool {
     let shape = matrix.len() != n * n;
     let largest = matrix.iter().fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
     let gap = |at: usize| (matrix[at] - matrix[at % n * n + at / n]).abs();
-    let flaws = Flaws {
-        empty: n == 0,
-        shape,
-        infinite: !matrix.iter().chain(&dense.rhs).all(|entry| entry.is_finite()),
-        negative: false,
-        large: !tame(matrix.iter().chain(&dense.rhs)),
-        asymmetric: !shape && (0..n * n).any(|at| gap(at) > SYMMETRY_TOLERANCE * largest),
-    };
-    if flaws.any() {
-        return got.as_ref().is_err_and(|error| flaws.account_for(error));
+    let gentle = tame(matrix.iter().chain(&dense.rhs));
+    let flaws = flaws([
+        (Flaw::Empty, n == 0),
+        (Flaw::Shape, shape),
+        (Flaw::Infinite, !matrix.iter().chain(&dense.rhs).all(|entry| entry.is_finite())),
+        (Flaw::Asymmetric, !shape && (0..n * n).any(|at| gap(at) > SYMMETRY_TOLERANCE * largest)),
+    ]);
+    if let Err(Error::TooLarge { value, .. }) = got {
+        return !gentle && value.is_finite();
+    }
+    if !flaws.is_empty() {
+        return got.as_ref().is_err_and(|error| account_for(&flaws, error));
     }
     match got {
         Ok(()) => !clearly_indefinite(matrix, n),
         Err(Error::NotPositiveSemidefinite { smallest, largest }) => {
             !dense.is_gram() && *smallest < 0.0 && smallest <= largest
         }
-        Err(Error::NonFinite { .. } | Error::TooLarge { .. }) => !tame(matrix.iter().chain(&dense.rhs)),
         Err(_) => false,
     }
 }
 
-struct Flaws {
-    empty: bool,
-    shape: bool,
-    infinite: bool,
-    negative: bool,
-    asymmetric: bool,
-    /// Not a flaw, but may be named beside one.
-    large: bool,
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Flaw {
+    Empty,
+    Shape,
+    Infinite,
+    Negative,
+    Asymmetric,
 }
 
-impl Flaws {
-    const fn any(&self) -> bool {
-        self.empty || self.shape || self.infinite || self.negative || self.asymmetric
-    }
+/// Those that are there.
+fn flaws<const N: usize>(found: [(Flaw, bool); N]) -> Vec<Flaw> {
+    found.into_iter().filter_map(|(flaw, there)| there.then_some(flaw)).collect()
+}
 
-    const fn account_for(&self, error: &Error) -> bool {
-        match error {
-            Error::Empty { .. } => self.empty,
-            Error::Shape { .. } => self.shape,
-            Error::NonFinite { .. } => self.infinite,
-            Error::NegativeRegularisation { .. } => self.negative,
-            Error::NotSymmetric { .. } => self.asymmetric,
-            Error::TooLarge { .. } => self.large,
-            _ => false,
-        }
-    }
+/// Whether the error is about one of them.
+fn account_for(flaws: &[Flaw], error: &Error) -> bool {
+    let flaw = match error {
+        Error::Empty { .. } => Flaw::Empty,
+        Error::Shape { .. } => Flaw::Shape,
+        Error::NonFinite { .. } => Flaw::Infinite,
+        Error::NegativeRegularisation { .. } => Flaw::Negative,
+        Error::NotSymmetric { .. } => Flaw::Asymmetric,
+        _ => return false,
+    };
+    flaws.contains(&flaw)
 }
 
 fn is_positive_diagonal(mass: &[f64], nv: usize) -> bool {
-    mass.iter().enumerate().all(
-        |(at, &entry)| {
-            if at % nv == at / nv { TAME.contains(&entry) } else { entry == 0.0 }
-        },
-    )
+    let on_diagonal = |at: usize| at % nv == at / nv;
+    let right = |(at, entry): (usize, &f64)| {
+        if on_diagonal(at) { TAME.contains(entry) } else { *entry == 0.0 }
+    };
+    mass.iter().enumerate().all(right)
 }
 
 /// Whether some 2×2 minor says so.

@@ -194,7 +194,9 @@ fn step(u: &mut Unstructured<'_>) -> Result<Step> {
     let softness = if u.ratio(1, 4)? {
         let mut softness = palette.numbers(u, n)?;
         if !u.ratio(1, 8)? {
-            softness.iter_mut().for_each(|entry| *entry = entry.abs());
+            for entry in &mut softness {
+                *entry = entry.abs();
+            }
         }
         maybe_cut(u, &mut softness)?;
         Some(softness)

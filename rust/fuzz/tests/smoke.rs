@@ -15,7 +15,7 @@ fn random_scripts_break_nothing() {
         state ^= state >> 12;
         state ^= state << 25;
         state ^= state >> 27;
-        (state.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 56) as u8
+        state.wrapping_mul(0x2545_F491_4F6C_DD1D).to_be_bytes()[0]
     };
     for _ in 0..SCRIPTS {
         run(&(0..BYTES).map(|_| byte()).collect::<Vec<_>>());
