@@ -1,4 +1,4 @@
-# make run · make test · make bench · make lint: each sets up what it needs in .venv, and again, fast, the second time.
+# make run · make test · make fuzz · make bench · make lint: each sets up what it needs in .venv, and again, fast, the second time.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -6,7 +6,13 @@ CARGO ?= cargo
 MODEL ?= boat
 RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs)
 
-.PHONY: run test bench lint format setup clean lock
+SECONDS ?= 60
+HOST = $(shell rustc --print host-tuple)
+# Coverage for libFuzzer, as cargo-fuzz asks for it; with an explicit --target, build scripts go without.
+FUZZ_FLAGS := --cfg fuzzing -C passes=sancov-module $(addprefix -C llvm-args=-sanitizer-coverage-, \
+	level=4 inline-8bit-counters pc-table trace-compares)
+
+.PHONY: run test fuzz bench lint format setup clean lock
 .DELETE_ON_ERROR:
 
 run: setup
@@ -14,8 +20,15 @@ run: setup
 	$(BIN)/oarlock report build/results/$(MODEL) --to reports/$(MODEL)
 
 test: setup
-	$(CARGO) test --locked --release --quiet -p oarlock-core
+	$(CARGO) test --locked --release --quiet -p oarlock-core -p oarlock-fuzz
 	$(BIN)/python -m pytest
+
+# Looks for bytes that break a solver, for SECONDS; what it finds is left in build/fuzz, and goes on from there.
+fuzz:
+	mkdir -p build/fuzz/corpus
+	RUSTFLAGS="$(FUZZ_FLAGS)" $(CARGO) run --locked --quiet --profile fuzz --target $(HOST) -p oarlock-fuzz -- \
+		build/fuzz/corpus -artifact_prefix=build/fuzz/ -max_total_time=$(SECONDS) -timeout=10 -max_len=1000 \
+		-print_final_stats=1 -verbosity=0
 
 bench: setup
 	$(CARGO) bench --locked --quiet -p oarlock-core

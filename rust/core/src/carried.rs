@@ -19,21 +19,15 @@ pub struct CarriedInverse {
     eigen: SymmetricEigen,
     rank_cut: f64,
     stale: bool,
-    /// `GROWTH_LIMIT` / λ⁺ of the last eigendecomposition; infinite if H₀ was handed in.
-    largest_gain: f64,
+    /// λ⁺ of the last eigendecomposition; 0 if there was none, or A was zero.
+    least: f64,
 }
 
 impl CarriedInverse {
     /// For `n×n`; stale until its first [`refresh`](Self::refresh).
     #[must_use]
     pub fn new(n: usize, rank_cut: f64) -> Self {
-        Self {
-            inverse: vec![0.0; n * n],
-            eigen: SymmetricEigen::new(n),
-            rank_cut,
-            stale: true,
-            largest_gain: f64::INFINITY,
-        }
+        Self { inverse: vec![0.0; n * n], eigen: SymmetricEigen::new(n), rank_cut, stale: true, least: 0.0 }
     }
 
     /// The size it was made for.
@@ -73,9 +67,9 @@ impl CarriedInverse {
         self.stale = true;
         self.eigen.decompose(problem.matrix(), self.rank_cut)?;
         self.eigen.pseudo_inverse(&mut self.inverse);
-        self.largest_gain = match self.eigen.rank() {
-            0 => f64::INFINITY,
-            rank => GROWTH_LIMIT / self.eigen.value(self.eigen.len() - rank),
+        self.least = match self.eigen.rank() {
+            0 => 0.0,
+            rank => self.eigen.value(self.eigen.len() - rank),
         };
         self.stale = false;
         Ok(())
@@ -84,27 +78,29 @@ impl CarriedInverse {
     /// Takes H as it is given.
     pub fn start_from(&mut self, inverse: &[f64]) {
         self.inverse.copy_from_slice(inverse);
-        self.largest_gain = f64::INFINITY;
+        self.least = 0.0;
         self.stale = false;
     }
 
     /// Whether ‖x‖ lies beyond what the minimum-norm solution for this ‖b‖ could be, by [`GROWTH_LIMIT`].
     #[must_use]
     pub fn too_large(&self, x_norm: f64, b_norm: f64) -> bool {
-        x_norm > self.largest_gain * b_norm
+        x_norm * self.least > GROWTH_LIMIT * b_norm
     }
 
     /// For saving.
     #[must_use]
     pub fn state(&self, solver: &str) -> State {
         let state = State::new(solver, self.len());
-        if self.stale { state } else { state.with("inverse", &self.inverse) }
+        if self.stale { state } else { state.with("inverse", &self.inverse).with("least", &[self.least]) }
     }
 
-    /// From a saved state of a checked size.
+    /// From a saved state that [`check_state`] has passed; one without fields leaves it stale.
     pub fn restore(&mut self, state: &State) {
-        if state.fields.contains_key("inverse") {
+        self.stale = true;
+        if !state.fields.is_empty() {
             self.start_from(state.field("inverse"));
+            self.least = state.field("least")[0];
         }
     }
 }
@@ -205,7 +201,7 @@ impl Iterate {
     }
 }
 
-/// Checks a saved state that holds H alone.
+/// Checks the part of a saved state that holds H.
 ///
 /// # Errors
 /// [`Error::State`].
@@ -213,5 +209,8 @@ pub fn check_state(state: &State, solver: &'static str) -> Result<(), Error> {
     if state.fields.is_empty() {
         return state.check(solver, &[]);
     }
-    state.check(solver, &[("inverse", state.size * state.size)])
+    if state.size == 0 {
+        return Err(Error::State { solver, reason: "it has fields for size 0".to_owned() });
+    }
+    state.check(solver, &[("inverse", state.size.saturating_mul(state.size)), ("least", 1)])
 }

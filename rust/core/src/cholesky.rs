@@ -334,6 +334,8 @@ fn factorise(n: usize, rank_cut: f64, a: &mut [f64], pivots: &mut [usize]) -> Fo
     for (index, pivot) in pivots.iter_mut().enumerate() {
         *pivot = index;
     }
+    // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
+    let rank_cut = rank_cut.max(n as f64 * f64::EPSILON);
     let mut found = Found { rank: n, first: 0.0, dropped: 0.0, lowest: 0.0 };
     for col in 0..n {
         let mut best = col;

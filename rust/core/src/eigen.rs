@@ -17,6 +17,10 @@ use crate::problem::Problem;
 /// about δ². A harness that asks the hard question on drifted states must raise the cut above that.
 pub const RANK_CUT: f64 = 1e-10;
 
+/// An eigenvalue below minus this part of the largest means that A is not positive semidefinite. Rounding leaves n·ε,
+/// whatever the rank cut; a sign that is wrong in a formula leaves order one.
+pub const SEMIDEFINITE_TOLERANCE: f64 = 1e-10;
+
 /// A = U diag(w) Uᵀ and the rank by a relative cut.
 pub struct SymmetricEigen {
     vectors: Mat<f64>,
@@ -76,9 +80,18 @@ impl SymmetricEigen {
     /// largest.
     ///
     /// # Errors
-    /// [`Error::NotPositiveSemidefinite`] when an eigenvalue lies below minus the cut, [`Error::Eigen`].
+    /// [`Error::NotPositiveSemidefinite`] by [`SEMIDEFINITE_TOLERANCE`], [`Error::Eigen`].
     pub fn decompose(&mut self, matrix: &DMatrix<f64>, rank_cut: f64) -> Result<(), Error> {
         let n = self.len();
+        if matrix.iter().all(|entry| entry.abs() < f64::MIN_POSITIVE) {
+            // faer gives up on subnormal numbers; they count as zero.
+            self.vectors.fill(0.0);
+            for i in 0..n {
+                (self.vectors[(i, i)], self.values[i]) = (1.0, 0.0);
+            }
+            self.rank = 0;
+            return Ok(());
+        }
         let view = MatRef::from_column_major_slice(matrix.as_slice(), n, n);
         self_adjoint_evd(
             view,
@@ -90,9 +103,10 @@ impl SymmetricEigen {
         )
         .map_err(|_| Error::Eigen { n })?;
         let (smallest, largest) = (self.values[0], self.values[n - 1]);
-        // A matrix that is zero to rounding has rank 0; its sign says nothing.
-        let cut = rank_cut * largest.abs().max(f64::MIN_POSITIVE);
-        if smallest < -cut {
+        // Subnormal eigenvalues count as zero, and their sign says nothing.
+        let scale = largest.abs().max(smallest.abs());
+        let cut = (rank_cut * scale).max(f64::MIN_POSITIVE);
+        if smallest < -(SEMIDEFINITE_TOLERANCE * scale).max(f64::MIN_POSITIVE) {
             return Err(Error::NotPositiveSemidefinite { smallest, largest });
         }
         self.rank = (0..n).filter(|&i| self.values[i] > cut).count();

@@ -30,6 +30,18 @@ pub enum Error {
         /// The offending value.
         value: f64,
     },
+    /// A number whose square would overflow, or nearly.
+    #[error(
+        "{what}[{index}] = {value:e}, expected numbers up to {LARGEST:e}: squares of larger ones overflow"
+    )]
+    TooLarge {
+        /// The array's name.
+        what: &'static str,
+        /// Flat index in row-major order.
+        index: usize,
+        /// The offending value.
+        value: f64,
+    },
     /// A matrix that must be symmetric is not.
     #[error(
         "A[{row},{col}] and A[{col},{row}] differ by {gap:e}, expected symmetry to {tolerance:e} of the largest entry"
@@ -101,13 +113,13 @@ pub enum Error {
         /// The range.
         expected: &'static str,
     },
-    /// A saved state belongs to another solver or another size.
-    #[error("state of solver '{got}', expected one of solver '{expected}' with every field of its size")]
+    /// A saved state belongs to another solver or another version, or is not whole.
+    #[error("solver '{solver}' cannot take the state: {reason}")]
     State {
         /// The solver that was to take it.
-        expected: &'static str,
-        /// The solver that it names.
-        got: String,
+        solver: &'static str,
+        /// What is wrong, and what was expected.
+        reason: String,
     },
     /// A law of time does not parse or names an unknown variable.
     #[error("time law '{law}': {reason}")]
@@ -123,6 +135,21 @@ pub enum Error {
         /// Size.
         n: usize,
     },
+}
+
+/// Largest size of an entry of A or b. Solvers form squares and sums of squares.
+pub const LARGEST: f64 = 1e150;
+
+/// Checks that every entry is finite and no larger than [`LARGEST`].
+///
+/// # Errors
+/// [`Error::NonFinite`], [`Error::TooLarge`] with the first offending entry.
+pub(crate) fn check_size(what: &'static str, values: &[f64]) -> Result<(), Error> {
+    check_finite(what, values)?;
+    match values.iter().position(|value| value.abs() > LARGEST) {
+        None => Ok(()),
+        Some(index) => Err(Error::TooLarge { what, index, value: values[index] }),
+    }
 }
 
 /// Checks that every entry is finite.

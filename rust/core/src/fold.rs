@@ -134,6 +134,11 @@ impl Fold {
         self.representatives.iter().copied().zip(self.scales.iter().copied())
     }
 
+    /// Class and entry of T of every row; `None` for a zero row.
+    pub(crate) fn shares(&self) -> impl Iterator<Item = Option<(usize, f64)>> + Clone + '_ {
+        self.members.iter().map(|member| member.map(|m| (m.class, m.factor / self.scales[m.class])))
+    }
+
     /// `reduced` = Tᵀ `full`; gives ‖full − T Tᵀ full‖, the part outside range(T).
     pub fn reduce(&self, full: &[f64], reduced: &mut [f64]) -> f64 {
         reduced.fill(0.0);

@@ -96,7 +96,7 @@ impl History {
         for order in 0..self.kept {
             self.extrapolate(order, &mut work);
             axpy(-1.0, value, &mut work);
-            self.misses[order] = norm(&work).max(0.5 * self.misses[order]);
+            self.misses[order] = norm(&work).max(0.5 * self.misses[order]).min(f64::MAX);
             self.nodes[order] = self.node_polynomial(order);
         }
         self.work = work;
@@ -129,15 +129,21 @@ impl History {
         state.with(name, &past).with(&format!("{name}_track"), &track)
     }
 
-    /// Takes values of `len` numbers from a saved state.
+    /// Takes values of `len` numbers from a saved state, at least `least` of them.
     ///
     /// # Errors
     /// [`Error::State`] if the fields are not whole.
-    pub fn load(&mut self, state: &State, name: &str, len: usize, solver: &'static str) -> Result<(), Error> {
+    pub fn load(
+        &mut self,
+        state: &State,
+        name: &str,
+        (len, least): (usize, usize),
+        solver: &'static str,
+    ) -> Result<(), Error> {
         let track_name = format!("{name}_track");
         state.check(solver, &[(&track_name, 2 + 3 * LONGEST)])?;
         let (head, parts) = state.field(&track_name).split_at(2);
-        let kept = State::count(head[0], self.most, solver)?;
+        let kept = State::count(head[0], least..=self.most, solver)?;
         state.check(solver, &[(name, kept * len)])?;
         self.restart(len);
         self.kept = kept;

@@ -64,7 +64,9 @@ impl Goal {
     /// The least-squares test on ‖A r‖ and ‖r‖.
     #[must_use]
     pub fn least_squares(&self, image: f64, residual: f64) -> bool {
-        image <= self.norm * (self.rtol * residual).max(self.noise)
+        // Where the square of ‖A r‖ underflows, ‖A r‖ = 0 says nothing.
+        let measurable = self.norm * residual > f64::MIN_POSITIVE.sqrt();
+        measurable && image <= self.norm * (self.rtol * residual).max(self.noise)
     }
 }
 
@@ -175,10 +177,12 @@ impl<M: Method> Krylov<M> {
         self.r.copy_from_slice(problem.rhs());
     }
 
-    /// x loses what b has brought into null(A), where r lies.
-    fn minimise_norm(&mut self) {
+    /// x loses what b has brought into null(A), where r lies, but for its image A r in `before`; gives ‖b − A x‖.
+    fn minimise_norm(&mut self) -> f64 {
         let along = dot(&self.r, &self.x) / dot(&self.r, &self.r);
         axpy(-along, &self.r, &mut self.x);
+        axpy(along, &self.before, &mut self.r);
+        norm(&self.r)
     }
 }
 
@@ -237,7 +241,7 @@ impl<M: Method> MultiplierSolver for Krylov<M> {
                         status = Status::Converged;
                         // An r that is all rounding would spoil x.
                         if image <= goal.norm * rtol * r_norm {
-                            self.minimise_norm();
+                            r_norm = self.minimise_norm();
                         }
                     }
                 }
@@ -279,9 +283,11 @@ impl<M: Method> MultiplierSolver for Krylov<M> {
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         let kept = state.fields.contains_key("x");
         state.check(M::NAME, &[("x", if kept { state.size } else { 0 })])?;
-        self.resize(state.size);
-        self.kept = kept;
+        state.check_names(M::NAME, &["x"])?;
+        self.kept = false;
         if kept {
+            self.resize(state.size);
+            self.kept = true;
             self.x.copy_from_slice(state.field("x"));
         }
         Ok(())

@@ -144,10 +144,10 @@ impl NullSpace {
     pub fn load(&mut self, state: &State) -> Result<(), Error> {
         let solver = TrackedParams::SOLVER;
         state.check(solver, &[("null_dim", 1)])?;
-        let size = State::count(state.field("null_dim")[0], self.n, solver)? * self.n;
+        let size = State::count(state.field("null_dim")[0], 0..=self.n, solver)? * self.n;
         state.check(solver, &[("null", size)])?;
         self.restart(state.field("null").chunks_exact(self.n.max(1)));
-        self.past.load(state, "null_past", size, solver)
+        self.past.load(state, "null_past", (size, 1), solver)
     }
 
     /// v ← v − N (Nᵀ v); gives ‖Nᵀ v‖².

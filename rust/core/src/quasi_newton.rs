@@ -276,7 +276,10 @@ impl<U: Update> MultiplierSolver for QuasiNewton<U> {
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         check_state(state, U::NAME)?;
-        self.resize(state.size);
+        state.check_names(U::NAME, &["inverse", "least"])?;
+        if !state.fields.is_empty() {
+            self.resize(state.size);
+        }
         self.carried.restore(state);
         Ok(())
     }

@@ -153,7 +153,7 @@ impl Regularised {
             epsilon *= GROWTH;
             grown += 1;
             if !epsilon.is_finite() {
-                return Err(Error::Eigen { n });
+                return Err(Error::NonFinite { what: "epsilon", index: 0, value: epsilon });
             }
         }
     }
@@ -254,9 +254,11 @@ impl MultiplierSolver for Regularised {
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         let kept = state.fields.contains_key("x");
         state.check(RegularisedParams::SOLVER, &[("x", if kept { state.size } else { 0 })])?;
-        self.resize(state.size);
-        self.kept = kept;
+        state.check_names(RegularisedParams::SOLVER, &["x"])?;
+        self.kept = false;
         if kept {
+            self.resize(state.size);
+            self.kept = true;
             self.x.copy_from_slice(state.field("x"));
         }
         Ok(())

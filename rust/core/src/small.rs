@@ -29,6 +29,8 @@ pub fn solve<const N: usize>(
     let mut columns: Square<N> =
         std::array::from_fn(|col| std::array::from_fn(|row| a[pivots[col] * N + pivots[row]]));
     let mut inverses = [0.0; N];
+    // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
+    let rank_cut = rank_cut.max(N as f64 * f64::EPSILON);
     let found = factorise(rank_cut, &mut columns, &mut pivots, &mut inverses);
     order.copy_from_slice(&pivots);
     let rank = found.rank;

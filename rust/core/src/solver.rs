@@ -1,6 +1,7 @@
 //! The trait that every solver implements, and the registry of names.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
 
@@ -44,7 +45,8 @@ pub trait MultiplierSolver: Send + Sync {
     /// # Errors
     /// [`Error::State`] if the state is another solver's or not whole.
     fn restore(&mut self, state: &State) -> Result<(), Error> {
-        state.check(self.name(), &[])
+        state.check(self.name(), &[])?;
+        state.check_names(self.name(), &[])
     }
 }
 
@@ -79,16 +81,18 @@ impl State {
         self.fields.get(name).map_or(&[], Vec::as_slice)
     }
 
-    /// A whole number from 0 to `most` that was saved as a float.
+    /// A whole number in `range` that was saved as a float.
     ///
     /// # Errors
     /// [`Error::State`].
-    pub fn count(value: f64, most: usize, solver: &'static str) -> Result<usize, Error> {
-        if value.fract() == 0.0 && value >= 0.0 && value <= most as f64 {
+    pub fn count(value: f64, range: RangeInclusive<usize>, solver: &'static str) -> Result<usize, Error> {
+        let (least, most) = range.into_inner();
+        if value.fract() == 0.0 && value >= least as f64 && value <= most as f64 {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
             return Ok(value as usize);
         }
-        Err(Error::State { expected: solver, got: format!("one with a count of {value}") })
+        let reason = format!("a count is {value}, expected a whole number from {least} to {most}");
+        Err(Error::State { solver, reason })
     }
 
     /// Checks that it is this solver's and that its fields have these lengths and are finite.
@@ -96,14 +100,34 @@ impl State {
     /// # Errors
     /// [`Error::State`].
     pub fn check(&self, solver: &'static str, lengths: &[(&str, usize)]) -> Result<(), Error> {
-        let whole = |&(name, length): &(&str, usize)| {
-            let field = self.field(name);
-            field.len() == length && field.iter().all(|value| value.is_finite())
-        };
-        if self.solver == solver && lengths.iter().all(whole) {
-            return Ok(());
+        let bad = |reason| Err(Error::State { solver, reason });
+        if self.solver != solver {
+            return bad(format!("it is that of solver '{}'", self.solver));
         }
-        Err(Error::State { expected: solver, got: self.solver.clone() })
+        for &(name, length) in lengths {
+            let field = self.field(name);
+            if field.len() != length {
+                return bad(format!("field '{name}' has {} entries, expected {length}", field.len()));
+            }
+            if let Some(index) = field.iter().position(|value| !value.is_finite()) {
+                return bad(format!("{name}[{index}] = {}, expected finite numbers", field[index]));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that it has no fields but these: one that the solver does not know means another version.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub fn check_names(&self, solver: &'static str, known: &[&str]) -> Result<(), Error> {
+        match self.fields.keys().find(|name| !known.contains(&name.as_str())) {
+            None => Ok(()),
+            Some(name) => {
+                let expected = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+                Err(Error::State { solver, reason: format!("unknown field '{name}', expected {expected}") })
+            }
+        }
     }
 }
 

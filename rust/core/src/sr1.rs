@@ -231,7 +231,10 @@ impl MultiplierSolver for Sr1 {
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         check_state(state, Sr1Params::SOLVER)?;
-        self.resize(state.size);
+        state.check_names(Sr1Params::SOLVER, &["inverse", "least"])?;
+        if !state.fields.is_empty() {
+            self.resize(state.size);
+        }
         self.carried.restore(state);
         Ok(())
     }

@@ -2,9 +2,10 @@
 
 use std::mem;
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::error::{Error, check_finite, check_len};
+use crate::eigen::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
+use crate::error::{Error, LARGEST, check_finite, check_len, check_size};
 use crate::fold::{Fold, scaled_copy};
 use crate::info::Info;
 use crate::kernels::{axpy, dot, norm};
@@ -39,6 +40,8 @@ pub struct ConstrainedSystem {
     dense: DMatrix<f64>,
     formed: bool,
     given: DMatrix<f64>,
+    /// For [`check_semidefinite`](Self::check_semidefinite).
+    shifted: DMatrix<f64>,
     rhs: DVector<f64>,
     reduced_rhs: DVector<f64>,
     unconstrained: DVector<f64>,
@@ -179,7 +182,7 @@ impl ConstrainedSystem {
     ///
     /// # Errors
     /// Those of [`StepView::check`], which leave the last step in place; [`Error::MassNotPositiveDefinite`], and
-    /// [`Error::NonFinite`] if A or b overflow, which leave the system empty.
+    /// [`Error::NonFinite`] or [`Error::TooLarge`] if A or b overflow, which leave the system empty.
     pub fn assemble(&mut self, step: &StepView<'_>) -> Result<(), Error> {
         step.check()?;
         let (n, nv) = step.shape();
@@ -188,7 +191,12 @@ impl ConstrainedSystem {
         // A symmetric row-major M is its own column-major form, and row-major J is column-major Jᵀ.
         let mut factor = mem::take(&mut self.mass_factor);
         factor.copy_from_slice(step.mass);
-        let Some(factor) = Cholesky::new(factor) else {
+        // A pivot that has cancelled to rounding is none: M is singular.
+        let sound = |factor: &Cholesky<f64, Dyn>| {
+            let (pivots, floor) = (factor.l_dirty(), nv as f64 * f64::EPSILON);
+            (0..nv).all(|i| pivots[(i, i)].powi(2) > floor * step.mass[i * nv + i])
+        };
+        let Some(factor) = Cholesky::new(factor).filter(sound) else {
             // The old factor went with the attempt: without it there is no way back to accelerations.
             *self = Self::default();
             let diagonal = (0..nv).map(|i| step.mass[i * nv + i]);
@@ -224,14 +232,15 @@ impl ConstrainedSystem {
     /// Finite input can still overflow: the diagonal of A bounds its other entries.
     fn check_overflow(&mut self) -> Result<(), Error> {
         let (n, nv) = (self.reduced_rhs.len(), self.nv());
-        let infinite = (0..n).find_map(|i| {
+        let overflow = (0..n).find_map(|i| {
             let column = &self.whitened.as_slice()[i * nv..(i + 1) * nv];
-            let entry = dot(column, column);
-            (!entry.is_finite()).then_some((i, entry))
+            let entry = dot(column, column) + self.softness.as_ref().map_or(0.0, |softness| softness[i]);
+            (!entry.is_finite() || entry > LARGEST).then_some((i * n + i, entry))
         });
-        let checked = match infinite {
-            Some((i, value)) => Err(Error::NonFinite { what: "A", index: i * n + i, value }),
-            None => check_finite("b", self.rhs.as_slice()),
+        let checked = match overflow {
+            Some((index, value)) if value.is_finite() => Err(Error::TooLarge { what: "A", index, value }),
+            Some((index, value)) => Err(Error::NonFinite { what: "A", index, value }),
+            None => check_size("b", self.rhs.as_slice()),
         };
         checked.inspect_err(|_| *self = Self::default())
     }
@@ -239,15 +248,16 @@ impl ConstrainedSystem {
     /// Takes A (`n×n`, row-major, symmetric) and b (`n`) as they are; there is no way back to accelerations then.
     ///
     /// # Errors
-    /// [`Error::Empty`], [`Error::Shape`], [`Error::NonFinite`], [`Error::NotSymmetric`].
+    /// [`Error::Empty`], [`Error::Shape`], [`Error::NonFinite`], [`Error::TooLarge`], [`Error::NotSymmetric`],
+    /// [`Error::NotPositiveSemidefinite`]; all of them leave the last system in place.
     pub fn set_dense(&mut self, matrix: &[f64], rhs: &[f64]) -> Result<(), Error> {
         let n = rhs.len();
         if n == 0 {
             return Err(Error::Empty { what: "b" });
         }
         check_len("A", matrix.len(), &[n, n])?;
-        check_finite("A", matrix)?;
-        check_finite("b", rhs)?;
+        check_size("A", matrix)?;
+        check_size("b", rhs)?;
         let largest = matrix.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         let (mut worst, mut gap) = ((0, 0), 0.0);
         for row in 0..n {
@@ -262,20 +272,28 @@ impl ConstrainedSystem {
             let (row, col) = worst;
             return Err(Error::NotSymmetric { row, col, gap, tolerance: SYMMETRY_TOLERANCE });
         }
+        let mean = |row: usize, col: usize| 0.5 * matrix[row * n + col] + 0.5 * matrix[col * n + row];
+        self.check_semidefinite(n, largest, mean)?;
+        let shifted = mem::take(&mut self.shifted);
         self.resize(n, 0);
+        self.shifted = shifted;
         if self.given.nrows() != n {
             self.given = DMatrix::zeros(n, n);
         }
         for row in 0..n {
             for col in 0..n {
-                self.given[(row, col)] = 0.5 * matrix[row * n + col] + 0.5 * matrix[col * n + row];
+                self.given[(row, col)] = mean(row, col);
             }
         }
         self.rhs.copy_from_slice(rhs);
         self.refold(true);
-        for (col, (col_row, col_scale)) in self.fold.classes().enumerate() {
-            for (row, (row_row, row_scale)) in self.fold.classes().enumerate() {
-                self.dense[(row, col)] = row_scale * col_scale * self.given[(row_row, col_row)];
+        // Tᵀ A T, not the representatives' entries: those of a small row are rounding next to its large ones.
+        self.dense.fill(0.0);
+        for (col, share) in self.fold.shares().enumerate() {
+            let Some((col_class, col_entry)) = share else { continue };
+            for (row, share) in self.fold.shares().enumerate() {
+                let Some((row_class, row_entry)) = share else { continue };
+                self.dense[(row_class, col_class)] += row_entry * col_entry * self.given[(row, col)];
             }
         }
         self.formed = true;
@@ -283,10 +301,51 @@ impl ConstrainedSystem {
         Ok(())
     }
 
+    /// Refuses an A (`n×n`) by [`SEMIDEFINITE_TOLERANCE`]. No solver but those that decompose A would notice.
+    fn check_semidefinite(
+        &mut self,
+        n: usize,
+        largest: f64,
+        entry: impl Fn(usize, usize) -> f64,
+    ) -> Result<(), Error> {
+        if largest == 0.0 {
+            return Ok(());
+        }
+        // Quick: no eigenvalue lies below −tolerance if A / largest + tolerance · E has a Cholesky factor.
+        let mut shifted = mem::take(&mut self.shifted);
+        if shifted.nrows() != n {
+            shifted = DMatrix::zeros(n, n);
+        }
+        let fill = |matrix: &mut DMatrix<f64>, shift: f64| {
+            for col in 0..n {
+                for row in 0..n {
+                    matrix[(row, col)] = entry(row, col) / largest;
+                }
+                matrix[(col, col)] += shift;
+            }
+        };
+        fill(&mut shifted, SEMIDEFINITE_TOLERANCE);
+        if let Some(factor) = Cholesky::new(shifted) {
+            self.shifted = factor.unpack_dirty();
+            return Ok(());
+        }
+        let mut scaled = DMatrix::zeros(n, n);
+        fill(&mut scaled, 0.0);
+        SymmetricEigen::new(n).decompose(&scaled, 0.0).map_err(|error| match error {
+            Error::NotPositiveSemidefinite { smallest, largest: most } => {
+                Error::NotPositiveSemidefinite { smallest: smallest * largest, largest: most * largest }
+            }
+            other => other,
+        })
+    }
+
     /// Solves A λ = b with `solver`, into `multipliers` (`n`).
     ///
+    /// Quotients can overflow even so: that is refused, and the solver starts anew, as after
+    /// [`reset`](MultiplierSolver::reset). Products A b below 1e-150 may underflow, and count as zero.
+    ///
     /// # Errors
-    /// Those of the solver, and [`Error::Shape`].
+    /// Those of the solver, [`Error::Shape`], and [`Error::NonFinite`] where λ or its residual overflow.
     pub fn solve(
         &mut self,
         solver: &mut dyn MultiplierSolver,
@@ -300,6 +359,7 @@ impl ConstrainedSystem {
         if self.reduced_rhs.is_empty() {
             // Every row is zero: A = 0, A⁺ = 0.
             multipliers.fill(0.0);
+            check_finite("residual", &[self.outside])?;
             return Ok(Info { folded: self.len(), refolded: self.refolded, ..Info::trivial(self.outside) });
         }
         let mut solution = mem::take(&mut self.solution);
@@ -316,6 +376,9 @@ impl ConstrainedSystem {
             info.residual_rel *= self.reduced_rhs.norm() / norm;
         }
         info.inconsistency = info.inconsistency.map(|inside| inside.hypot(self.outside));
+        check_finite("multipliers", multipliers)
+            .and_then(|()| check_finite("residual", &[info.residual_rel, info.inconsistency.unwrap_or(0.0)]))
+            .inspect_err(|_| solver.reset())?;
         info.folded = self.len() - self.fold.reduced();
         info.refolded = self.refolded;
         Ok(info)
@@ -324,7 +387,8 @@ impl ConstrainedSystem {
     /// `qfrc = Jᵀ λ` and `qacc = a₀ + M⁻¹ Jᵀ λ`, both `nv`.
     ///
     /// # Errors
-    /// [`Error::Shape`], also for a system given as dense (A, b), which has no accelerations.
+    /// [`Error::Shape`], also for a system given as dense (A, b), which has no accelerations; [`Error::NonFinite`] if they
+    /// overflow.
     pub fn acceleration(
         &mut self,
         multipliers: &[f64],
@@ -343,6 +407,7 @@ impl ConstrainedSystem {
         self.mass_factor.tr_solve_lower_triangular_mut(&mut self.work);
         self.work += &self.unconstrained;
         qacc.copy_from_slice(self.work.as_slice());
-        Ok(())
+        check_finite("qfrc", qfrc)?;
+        check_finite("qacc", qacc)
     }
 }

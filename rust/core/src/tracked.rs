@@ -94,6 +94,19 @@ const LEARNT: f64 = 1e-5;
 /// A predicted start that leaves more than this part of b is not used.
 const POOR_START: f64 = 0.5;
 
+/// Fields of a saved state.
+const FIELDS: [&str; 9] = [
+    "inverse",
+    "least",
+    "staleness",
+    "past",
+    "past_track",
+    "null",
+    "null_dim",
+    "null_past",
+    "null_past_track",
+];
+
 /// Parameters of [`Tracked`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackedParams {
@@ -518,7 +531,7 @@ impl Tracked {
         self.stay_in_range(problem, predicted, count)?;
         // The trace of A⁺ is at most r / λ⁺, and that of A at most r times its largest eigenvalue.
         let growth = self.inverse_trace() * problem.trace() * self.params.rank_cut;
-        if growth > (n * n) as f64 || self.carried.too_large(norm(&self.x), b_norm) {
+        if !growth.is_finite() || growth > (n * n) as f64 || self.carried.too_large(norm(&self.x), b_norm) {
             return Err(Lost);
         }
         Ok([inconsistency, null_error, r_norm])
@@ -656,13 +669,15 @@ impl MultiplierSolver for Tracked {
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         check_state(state, TrackedParams::SOLVER)?;
-        let mut restored = Self::sized(self.params, state.size);
-        if state.fields.contains_key("inverse") {
+        state.check_names(TrackedParams::SOLVER, &FIELDS)?;
+        let n = if state.fields.is_empty() { 0 } else { state.size };
+        let mut restored = Self::sized(self.params, n);
+        if n > 0 {
             state.check(TrackedParams::SOLVER, &[("staleness", 1)])?;
             restored.staleness = state.field("staleness")[0];
             restored.carried.restore(state);
             restored.null.load(state)?;
-            restored.past.load(state, "past", state.size, TrackedParams::SOLVER)?;
+            restored.past.load(state, "past", (n, 0), TrackedParams::SOLVER)?;
             restored.make_room();
         }
         *self = restored;

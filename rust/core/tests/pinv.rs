@@ -97,24 +97,6 @@ fn the_zero_matrix_has_rank_zero_and_the_zero_solution() {
 }
 
 #[test]
-fn an_indefinite_matrix_is_refused_with_its_eigenvalues() {
-    for (mut system, extremes) in [
-        (rows([[1.0, 2.0], [2.0, 1.0]], [1.0; 2]), (-1.0, 3.0)),
-        (diagonal(&[-1.0, 0.0]), (-1.0, -1.0)), // the zero row is folded away
-        (diagonal(&[-2.0, -1.0]), (-2.0, -1.0)),
-        (diagonal(&[1.0, -1e-9]), (-1e-9, 1.0)),
-    ] {
-        let error = refusal(&mut system, &mut [0.0; 2]);
-        let Error::NotPositiveSemidefinite { smallest, largest } = error else { panic!("{error}") };
-        let gap = (smallest - extremes.0).abs().max((largest - extremes.1).abs());
-        assert_within(&error.to_string(), gap, ROUNDING * system.full_matrix().norm());
-        assert!(
-            error.to_string().ends_with(&format!("smallest eigenvalue {smallest:e}, largest {largest:e}"))
-        );
-    }
-}
-
-#[test]
 fn the_rank_cut_is_relative_to_the_largest_eigenvalue() {
     // Just above and just below the default cut of 1e-10.
     let eigenvalues = [1.0, 2e-10, 0.5e-10, 0.0];

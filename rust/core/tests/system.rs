@@ -192,6 +192,8 @@ fn a_mass_matrix_without_cholesky_factor_is_refused_with_its_diagonal() {
         (&[2.0, 0.0, 0.0, -1.0], "-1e0 to 2e0"),
         (&[0.5, 0.0, 0.0, 0.0], "0e0 to 5e-1"),
         (&[1.0, 3.0, 3.0, 4.0], "1e0 to 4e0"),
+        // Singular, and its last pivot rounds to 4e-16.
+        (&[3.0, 0.1, 0.1, 0.1 * 0.1 / 3.0 + 1e-18], "3.333333333333335e-3 to 3e0"),
     ] {
         let message = ConstrainedSystem::new().assemble(&step(mass)).unwrap_err().to_string();
         let expected = format!(
@@ -236,8 +238,12 @@ fn bad_dense_systems_are_refused_with_the_value_and_leave_the_last_one_alone() {
     // Within it, relative to the largest entry, the mean of both entries counts.
     system.set_dense(&[1e4, 0.0, 5e-7, 1.0], &[1.0, 1.0]).unwrap();
     assert_eq!(system.full_matrix().as_slice(), [1e4, 2.5e-7, 2.5e-7, 1.0]);
-    system.set_dense(&[f64::MAX], &[1.0]).unwrap();
-    assert_eq!(system.full_matrix()[0].to_bits(), f64::MAX.to_bits(), "the mean does not overflow");
+    let error = system.set_dense(&[f64::MAX], &[1.0]).unwrap_err().to_string();
+    let expected =
+        "A[0] = 1.7976931348623157e308, expected numbers up to 1e150: squares of larger ones overflow";
+    assert_eq!(error, expected);
+    system.set_dense(&[1e150], &[-1e150]).unwrap();
+    assert_eq!((system.full_matrix()[0], system.rhs()[0]), (1e150, -1e150));
 }
 
 #[test]
