@@ -32,12 +32,12 @@ impl Counts {
     }
 }
 
-/// Where the counts are frozen to the last iteration.
-const EXACT: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
+/// The total may be off by this part of the steps: eigendecompositions take other kernels on other processors, and a last
+/// bit of H can tip a solve over its stopping test. Most, refreshes and failures are exact on Linux `x86_64`.
+const BAND: f64 = if EXACT { 1e-3 } else { 0.05 };
 
-/// Elsewhere the total may be off by this part of the steps, an iteration in every twentieth, and nothing else is
-/// compared.
-const BAND: f64 = 0.05;
+/// Where the other counts are compared too.
+const EXACT: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
 
 /// One solver on one problem, its options besides the defaults, and its counts.
 type Run = (&'static str, &'static [(&'static str, f64)], Counts);
@@ -59,7 +59,8 @@ fn assert_counts<Step>(problem: &str, steps: &[Step], view: impl Fn(&Step) -> St
             counts.total, counts.most, counts.refreshes, counts.failures
         );
         let off = counts.total.abs_diff(frozen.total) as f64;
-        let same = if EXACT { counts == frozen } else { off <= BAND * steps.len() as f64 };
+        let rest = |counts: &Counts| (counts.most, counts.refreshes, counts.failures);
+        let same = off <= BAND * steps.len() as f64 && (!EXACT || rest(&counts) == rest(&frozen));
         if !same {
             wrong.push(format!("{name} {options:?}: {counts:?}, frozen {frozen:?}"));
         }
@@ -76,8 +77,8 @@ fn boat_of_12_000_steps() {
         ("sr1-classic", &[], Counts::new(11_998, 1, 2, 0)),
         ("bfgs", &[], Counts::new(11_998, 1, 2, 0)),
         ("dfp", &[], Counts::new(11_998, 1, 2, 0)),
-        ("sr1-tracked", &[("predict", 0.0)], Counts::new(24_110, 3, 2, 0)),
-        ("sr1-tracked", &[("predict", 4.0)], Counts::new(10_487, 3, 2, 0)),
+        ("sr1-tracked", &[("predict", 0.0)], Counts::new(23_961, 2, 2, 0)),
+        ("sr1-tracked", &[("predict", 4.0)], Counts::new(6_507, 2, 2, 0)),
         ("cg", &[], Counts::new(23_999, 2, 0, 0)),
         ("minres", &[], Counts::new(23_999, 2, 0, 0)),
     ];
@@ -97,8 +98,8 @@ fn two_four_bar_loops_of_10_000_steps() {
         ("sr1-classic", &[], Counts::new(24_176, 3, 2, 1)),
         ("bfgs", &[], Counts::new(24_104, 3, 2, 1)),
         ("dfp", &[], Counts::new(24_083, 3, 2, 1)),
-        ("sr1-tracked", &[("predict", 0.0)], Counts::new(28_882, 10, 19, 0)),
-        ("sr1-tracked", &[("predict", 4.0)], Counts::new(13_223, 10, 22, 0)),
+        ("sr1-tracked", &[("predict", 0.0)], Counts::new(26_482, 9, 11, 0)),
+        ("sr1-tracked", &[("predict", 4.0)], Counts::new(12_152, 9, 11, 0)),
         ("cg", &[], Counts::new(39_872, 6, 0, 0)),
         ("minres", &[], Counts::new(39_878, 6, 0, 0)),
     ];
