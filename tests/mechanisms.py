@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import oarlock
-from oarlock.cases import Case, CaseFile, load_case
+from oarlock.case_file import CaseFile
+from oarlock.cases import Case, load_case
 from oarlock.experiments import Laboratory, Setup
 
 INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]

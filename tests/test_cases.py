@@ -7,7 +7,7 @@ import pytest
 from mechanisms import BOAT, boat_copy, boat_with, four_bar, setup_of, write_model
 from oarlock import InputError, load_case, model_names, run
 from oarlock._core import TimeLaw
-from oarlock.cases import read_case_file
+from oarlock.case_file import read_case_file
 
 TITLE = 'title = "x"\n'
 

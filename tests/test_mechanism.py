@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mechanisms import TANGLE, four_bar, relative, setup_of, write_model
 from oarlock import InputError, load_case
-from oarlock.cases import Baumgarte
+from oarlock.case_file import Baumgarte
 from oarlock.curvature import Curvature, curvature_from_reference
 from oarlock.mechanism import coordinates, equalities, load_model
 from oarlock.state import State

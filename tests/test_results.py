@@ -9,7 +9,7 @@ import pytest
 from mechanisms import boat_copy, four_bar, only, write_model
 from oarlock import InputError, load_case, run
 from oarlock.aggregate import judge, summarise
-from oarlock.cases import Gate
+from oarlock.case_file import Gate
 from oarlock.metrics import largest, relative_difference
 from oarlock.results import SCHEMA, Recorder, ResultFolder, RunKey, RunResult, replacing, write_text
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from oarlock.cases import Case, Gate
+from oarlock.case_file import Gate
+from oarlock.cases import Case
 from oarlock.errors import InputError
 from oarlock.results import RunResult
 
@@ -69,6 +70,9 @@ def summarise(result: RunResult) -> dict[str, Any]:
         drift_acc_max=_maximum(steps, "drift_acc"),
         energy_drift_rel=_number(energy_drift),
         truth_error_max=_maximum(steps, "truth_error"),
+        published_position_error_max=_maximum(steps, "published_position_error"),
+        published_velocity_error_rel_max=_maximum(steps, "published_velocity_error_rel"),
+        published_multiplier_error_rel_max=_maximum(steps, "published_multiplier_error_rel"),
         trajectory_diff_max=_maximum(steps, "trajectory_diff"),
         solve_ns_median=_number(solve_ns),
         step_us_median=_number(steps["step_us"].median()),
@@ -82,19 +86,15 @@ class Verdict:
 
     gate: Gate
     run: str | None
-    value: float | None
+    value: float | str | None
     held: bool | None
     """None: not checked, for no run was picked."""
 
     def line(self) -> str:
         """One line with figure and limit."""
-        bounds = [
-            f"≥ {self.gate.min:g}" if self.gate.min is not None else "",
-            f"≤ {self.gate.max:g}" if self.gate.max is not None else "",
-        ]
-        limit = " and ".join(bound for bound in bounds if bound)
-        value = "not measured" if self.value is None else f"{self.value:.4g}"
-        return f"{self.gate.figure} = {value} of {self.run or 'no run'}, expected {limit} ({self.gate.cause})"
+        value = "not measured" if self.value is None else self.value
+        value = value if isinstance(value, str) else f"{value:.4g}"
+        return f"{self.gate.figure} = {value} of {self.run or 'no run'}, expected {self.gate.limit} ({self.gate.cause})"
 
 
 def judge(case: Case, rows: list[dict[str, Any]], *, complete: bool = False) -> list[Verdict]:
@@ -108,9 +108,10 @@ def judge(case: Case, rows: list[dict[str, Any]], *, complete: bool = False) -> 
     verdicts = []
     for gate in case.file.gates:
         if rows:
-            figures = {name for row in rows for name, value in row.items() if isinstance(value, int | float)}
+            kind, wanted = (str, "in words") if gate.equal is not None else (int | float, "with a number")
+            figures = {name for row in rows for name, value in row.items() if isinstance(value, kind)}
             if gate.figure in rows[0] and gate.figure not in figures and any(row[gate.figure] for row in rows):
-                raise InputError(f"gate of case '{case.name}' bounds '{gate.figure}', expected a figure with a number")
+                raise InputError(f"gate of case '{case.name}' bounds '{gate.figure}', expected a figure {wanted}")
             unknown = [name for name in (gate.figure, *gate.where) if name not in rows[0]]
             if unknown:
                 raise InputError(
@@ -121,8 +122,6 @@ def judge(case: Case, rows: list[dict[str, Any]], *, complete: bool = False) -> 
             verdicts.append(Verdict(gate, None, None, False if complete else None))
         for row in picked:
             value = row[gate.figure]
-            low = value is not None and (gate.min is None or value >= gate.min)
-            high = value is not None and (gate.max is None or value <= gate.max)
             whole = row["status"] != "diverged"  # what a run showed before it diverged proves nothing
-            verdicts.append(Verdict(gate, row["run"], value, low and high and whole))
+            verdicts.append(Verdict(gate, row["run"], value, gate.holds(value) and whole))
     return verdicts

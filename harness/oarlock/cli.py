@@ -140,7 +140,9 @@ def list_models(
 @app.command()
 @_ends()
 def run(
-    model: Annotated[str, typer.Argument(metavar="MODEL|FILE.xml", help="A model's name, or any MJCF file.")],
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL[:key=value,…]|FILE.xml", help="A model's name, or any MJCF file.")
+    ],
     solver: Annotated[
         list[str] | None, typer.Option(metavar="NAME[:key=value,…]", help="Solver; may be repeated.")
     ] = None,
@@ -162,7 +164,7 @@ def run(
     from oarlock.errors import choose
 
     choose("stepping", stepping, ["auto", "python"])
-    folder = out or Path("results") / load_case(model).name
+    folder = out or Path("results") / load_case(model).slug
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -190,7 +192,10 @@ def run(
         _say(f"oarlock: gate failed: {verdict.line()}")
     unchecked = sum(verdict.held is None for verdict in results.verdicts)
     if unchecked:
-        _say(f"oarlock: {unchecked} gate(s) of the case not checked: no run at the case's own timestep and duration")
+        _say(
+            f"oarlock: {unchecked} gate(s) of the case not checked: "
+            "no run at the case's own parameters, timestep and duration"
+        )
     if results.failures:
         raise typer.Exit(GATE_FAILED)
 

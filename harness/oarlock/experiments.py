@@ -11,11 +11,14 @@ import mujoco
 import numpy as np
 import polars as pl
 
-from oarlock.cases import Case, Form, Integrator, Mode
+from oarlock.case_file import Form, Integrator, Mode
+from oarlock.cases import Case
 from oarlock.drive import Drive
-from oarlock.errors import InputError, RefusedError, choose, one_line
+from oarlock.errors import InputError, RefusedError, one_line
 from oarlock.mechanism import load_mechanism
 from oarlock.metrics import Energy, against_mujoco, drift, largest, solving
+from oarlock.observed import Observed
+from oarlock.published import PublishedValues
 from oarlock.results import Recorder, RunKey, RunResult
 from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
 from oarlock.start import ConsistentStart, consistent_start
@@ -62,14 +65,18 @@ class Setup:
         self.start: ConsistentStart = consistent_start(self.model, case)
         self.timestep_s = float(self.model.opt.timestep)
         self.steps = max(1, round(duration_s / self.timestep_s))
+        self.published = PublishedValues(self.model, case)
+        if self.published.last_step == self.steps:
+            self.steps += 1  # states are recorded at the start of a step, and this one belongs to the end
         self.truth: pl.DataFrame | None = None
-        if truth is not None:
-            joints = [self.model.joint(index).name for index in range(self.model.njnt)]
-            joint = joints.index(choose(f"joint in [truth] of case '{case.name}'", truth.joint, joints))
-            self._true_address = int(self.model.jnt_qposadr[joint])
+        if truth is not None and case.file.truth is not None:
+            known = case.file.truth
+            where = f"[truth] of case '{case.name}'"
+            self._observed = Observed(self.model, where, joint=known.joint, site=known.site)
             times = np.arange(self.steps) * self.timestep_s
-            self.truth = pl.DataFrame({"time_s": times, "position": truth.position(times)})
-            self._true_path = self.truth["position"].to_numpy()
+            self._true_path = truth.position(times)
+            names = ["position"] if known.joint else ["x", "y", "z"]
+            self.truth = pl.DataFrame({"time_s": times, **dict(zip(names, self._true_path.T, strict=True))})
 
     def data(self) -> mujoco.MjData:
         """A fresh data at the start."""
@@ -78,10 +85,13 @@ class Setup:
         return data
 
     def truth_error(self, step: int, data: mujoco.MjData) -> float | None:
-        """Distance of the joint that the truth knows from where it should be at the start of a step."""
-        if self.truth is None or not np.isfinite(self._true_path[step]):
+        """Distance of the joint or site that the truth knows from where it should be at the start of a step.
+
+        In the coordinate that is furthest off, at a state whose position stage is done.
+        """
+        if self.truth is None or not np.isfinite(self._true_path[step]).all():
             return None
-        return abs(float(data.qpos[self._true_address] - self._true_path[step]))
+        return largest(self._observed.position(data) - self._true_path[step])
 
     def apart(self, qpos1: np.ndarray, qpos2: np.ndarray) -> float | None:
         """Largest difference of two positions in any coordinate (rad or m); None if one of them is not finite."""
@@ -244,6 +254,7 @@ class Laboratory:
                 "iterations": iterations,
                 "iterations_worst": iterations,
                 **energy.of(data),
+                **setup.published.errors(step, data),
                 "multipliers": data.efc_force.copy(),
             }
             return lambda step_us: recorder.append(**figures, step_us=step_us)
@@ -266,6 +277,7 @@ class Laboratory:
                 **self._common(setup, step, data, state, data.qacc),
                 "trajectory_diff": setup.apart(theirs[step], data.qpos),
                 **energy.of(data),
+                **setup.published.errors(step, data),
                 "multipliers": force.answers[0].multipliers,
             }
             reference = force.question.answer(reference_solver)

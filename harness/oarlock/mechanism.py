@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import mujoco
 import numpy as np
 
-from oarlock.cases import Case, Integrator, Settings
+from oarlock.case_file import Integrator, Settings
+from oarlock.cases import Case
 from oarlock.errors import InputError, RefusedError, one_line
+from oarlock.options import Number, join_options
 
 INTEGRATORS: dict[Integrator, int] = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -22,21 +25,49 @@ SOLVERS = {
 }
 
 
-def load_model(path: Path) -> mujoco.MjModel:
-    """Reads an MJCF file.
+def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
+    """Reads an MJCF file, or builds the model of a ``model.py`` with ``build(**parameters) -> mujoco.MjSpec``.
 
     Raises:
-        InputError: no such file, malformed, or without an equality that closes a loop.
+        InputError: no such file, malformed, parameters that ``build`` refuses, or no equality that closes a loop.
     """
     if not path.is_file():
         raise InputError(f"no model file '{path}'")
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        if path.suffix == ".py":
+            model = _build(path, parameters or {}).compile()
+        else:
+            model = mujoco.MjModel.from_xml_path(str(path))
+    except InputError:
+        raise
     except ValueError as error:
         raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}") from None
     if model.neq == 0:
         raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop")
     return model
+
+
+def _build(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
+    """Runs a ``model.py``. Whatever goes wrong in it is named in one line, with the call."""
+    module = ModuleType(f"model of {path.parent.name}")
+    module.__file__ = str(path)
+    call = f"{path}: {join_options('build', parameters)}"
+    try:
+        # Not an import: that would leave compiled files among the models.
+        exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), module.__dict__)
+        build = module.__dict__.get("build")
+        if not callable(build):
+            raise InputError(f"{path}: no function 'build', expected build(**parameters) -> mujoco.MjSpec")
+        spec = build(**parameters)
+    except InputError:
+        raise
+    except ValueError as error:  # what build says about its parameters
+        raise InputError(f"{call}: {one_line(error)}") from None
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{call}: {type(error).__name__}: {one_line(error)}") from None
+    if not isinstance(spec, mujoco.MjSpec):
+        raise InputError(f"{call} gives a {type(spec).__name__}, expected a mujoco.MjSpec")
+    return spec
 
 
 def prepare(
@@ -71,7 +102,7 @@ def load_mechanism(
 ) -> mujoco.MjModel:
     """The model of a case, prepared for one run. Raises InputError as ``load_model``."""
     return prepare(
-        load_model(case.model_path),
+        load_model(case.model_path, case.parameters),
         integrator=integrator,
         timestep_s=timestep_s or case.file.run.timestep_s,
         settings=case.file.setting(settings),

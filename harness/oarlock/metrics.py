@@ -69,7 +69,8 @@ class Energy:
 
     def __init__(self, model: mujoco.MjModel):
         self._model = model
-        damped = model.dof_damping.any() or model.tendon_damping.any() or model.dof_frictionloss.any()
+        losses = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
+        damped = any(loss.any() for loss in (*losses, model.dof_frictionloss, model.tendon_frictionloss))
         self._conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
 
     def of(self, data: mujoco.MjData) -> dict[str, float]:

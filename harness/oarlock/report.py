@@ -88,6 +88,17 @@ class Tables:
         }
         return {who: row for who, row in candidates.items() if row is not None}
 
+    @property
+    def knows_truth(self) -> bool:
+        """Whether any run was held against an outside truth."""
+        return any(row["truth_error_max"] is not None for row in self.rows)
+
+    @property
+    def truth_unit(self) -> str:
+        """Unit of the distance from the truth: that of the joint, or of a site's place."""
+        joint = self.case["truth"]["joint"] if self.case["truth"] else None
+        return next((c["unit"] for c in self.case["model"]["coordinates"] if c["name"] == joint), "m")
+
     def steps(self, row: dict[str, Any]):
         """The steps of a run."""
         return self.folder.read_steps(row["run"])
@@ -105,15 +116,17 @@ def draw(tables: Tables) -> list[Figure]:
     free = {who: tables.steps(row) for who, row in tables.free_runs().items()}
     pair = {who: free[who] for who in ("MuJoCo default", "exact (pinv)") if who in free}
     if pair:
-        truth = (tables.case["truth"]["joint"], tables.folder.read_truth()) if tables.case["truth"] else None
+        joint = (tables.case["truth"] or {}).get("joint")
+        truth = (joint, tables.folder.read_truth()) if joint else None
         chart = figures.coordinates(pair, tables.case["model"]["coordinates"], truth)
         caption = (
             "Coordinates over time; those that move as an earlier one are left out. Where the curves lie on one "
             "another, the next figure tells them apart."
         )
         drawn.append(Figure("coordinates", caption, chart))
-    if free and tables.case["truth"]:
-        chart = figures.over_time(free, "truth_error", f"|{tables.case['truth']['joint']} − truth|")
+    if free and tables.knows_truth:
+        what = tables.case["truth"]["joint"] or tables.case["truth"]["site"]
+        chart = figures.over_time(free, "truth_error", f"|{what} − truth|")
         drawn.append(Figure("truth", "Distance from the outside truth.", chart))
     if free:
         equality = tables.case["model"]["equalities"][0]
@@ -136,6 +149,8 @@ def number(value: Any, unit: str = "") -> str:
     """A figure for reading: three significant digits, a dash for what does not apply."""
     if value is None:
         return "–"
+    if isinstance(value, str):
+        return value
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):

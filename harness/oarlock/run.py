@@ -10,11 +10,13 @@ import polars as pl
 
 from oarlock import _core
 from oarlock.aggregate import Verdict, judge, summarise
-from oarlock.cases import Case, Experiment, Form, Gate, Integrator, Mode, load_case
+from oarlock.case_file import Experiment, Form, Gate, Integrator, Mode
+from oarlock.cases import Case, load_case
 from oarlock.errors import InputError, choose
 from oarlock.experiments import Laboratory, Setup, Task
 from oarlock.mechanism import coordinates, equalities
 from oarlock.provenance import inputs, occasion
+from oarlock.reactions import verdict
 from oarlock.results import ResultFolder, RunResult
 from oarlock.sketch import sketch
 from oarlock.solvers import MUJOCO, SolverSpec
@@ -182,7 +184,7 @@ def run(
     """Cross-validates a model against MuJoCo.
 
     Args:
-        model: name of a model, folder of a case, or path of an MJCF file.
+        model: name of a model, folder of a case, or path of an MJCF file; ``:key=value,…`` for other parameters.
         solver: solver specifications, such as ``"sr1:eps_abs=1e-7"``; the case's if empty.
         form: ``matched`` (MuJoCo's own softness), ``hard`` (exact constraints) or ``both``.
         mode: ``lockstep``, ``one-step``, ``free`` or ``all``.
@@ -216,8 +218,9 @@ def run(
         for result in laboratory.run(task):
             keeper.keep(result)
             progress.finished(results.rows[-1])
-    # Bounds hold for the discretisation that they were set for.
+    # Bounds hold for the discretisation and the parameters that they were set for.
     own = timestep_s in (None, case.file.run.timestep_s) and duration_s in (None, case.file.run.duration_s)
+    own = own and case.listed
     results.verdicts += judge(case, results.rows if own else [], complete=own and request.whole_case)
     keeper.close()
     return results
@@ -226,11 +229,18 @@ def run(
 def _expectations(case: Case, setup: Setup) -> list[Verdict]:
     """What the case expects of its model, held against the consistent start."""
     start = setup.start
-    found = {"nv": int(setup.model.nv), "rows": start.rows, "rank": start.rank, "dof": start.dof}
+    found = {
+        "nv": int(setup.model.nv),
+        "rows": start.rows,
+        "rank": start.rank,
+        "dof": start.dof,
+        "reactions": verdict(start.unique),
+    }
     verdicts = []
-    for name, expected in case.file.expect.model_dump(exclude_none=True).items():
-        gate = Gate(figure=name, min=expected, max=expected, cause="[expect] of the case")
-        verdicts.append(Verdict(gate, "start", found[name], found[name] == expected))
+    for name, expected in case.expected().items():
+        bounds = {"equal": expected} if isinstance(expected, str) else {"min": expected, "max": expected}
+        gate = Gate.model_validate({"figure": name, **bounds, "cause": "[expect] of the case"})
+        verdicts.append(Verdict(gate, "start", found[name], gate.holds(found[name])))
     return verdicts
 
 
@@ -249,11 +259,13 @@ class _Keeper:
                 "rank": start.rank,
                 "dof": start.dof,
                 "closing_moved": start.moved,
+                "unique_reactions": start.unique,
                 "coordinates": coordinates(setup.model),
                 "equalities": [asdict(equality) for equality in equalities(setup.model)],
             }
             case = results.case
-            folder.write_json("case.json", {"name": case.name, "model": model, **case.file.model_dump()})
+            contents = {**case.file.model_dump(), "expect": case.expected(), "parameters": case.parameters}
+            folder.write_json("case.json", {"name": case.name, "model": model, **contents})
             if setup.truth is not None:
                 folder.write_truth(setup.truth)
 

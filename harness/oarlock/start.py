@@ -12,10 +12,14 @@ from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, choose
 from oarlock.mechanism import element_name, equalities, refuse_inequalities
+from oarlock.reactions import unique_reactions
 
 CLOSED = 1e-12
 """A loop is closed when no row is off by more, in m or rad: about 1000 rounding errors of a length of 1 m, so that a
 start that is already consistent comes out as it went in."""
+
+KEYFRAME = "start"
+"""Name of the model's keyframe that a start begins from, where there is one; entries of [start] come on top."""
 
 MAX_STEPS = 50
 TRUST = 0.5
@@ -33,6 +37,8 @@ class ConsistentStart:
     dof: int
     moved: float
     """Largest change that closing made to a coordinate, in rad or m."""
+    unique: dict[str, bool]
+    """Equality → whether the rigid model determines its multipliers."""
 
 
 def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: str, case: Case) -> None:
@@ -95,6 +101,9 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
         InputError: a name or a size is wrong, rows other than equality rows are active, or a loop cannot be closed.
     """
     data = mujoco.MjData(model)
+    keys = [model.key(index).name for index in range(model.nkey)]
+    if KEYFRAME in keys:
+        data.qpos[:], data.qvel[:] = model.key_qpos[keys.index(KEYFRAME)], model.key_qvel[keys.index(KEYFRAME)]
     _write_named(model, data.qpos, case.file.start.qpos, "qpos", case)
     _write_named(model, data.qvel, case.file.start.qvel, "qvel", case)
     Drive(model, case).apply(data)
@@ -121,6 +130,7 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
         rank=projector.rank,
         dof=model.nv - projector.rank,
         moved=float(np.abs(difference).max()),
+        unique=unique_reactions(model, data, projector.rank),
     )
 
 

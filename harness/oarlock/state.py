@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from oarlock.cases import Baumgarte, Form
+from oarlock.case_file import Baumgarte, Form
 from oarlock.curvature import Curvature
 from oarlock.mechanism import refuse_inequalities
 
