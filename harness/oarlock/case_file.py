@@ -269,12 +269,13 @@ DEFAULT_EXPERIMENTS = [
 class Variant(_Table):
     """Parameters that the suite runs besides the defaults.
 
-    ``run`` (key by key), ``experiments`` and ``gates`` take the place of the case's; published values hold for one set
-    of parameters only, so that a variant has its own or none.
+    ``run`` and ``expect`` (key by key), ``experiments`` and ``gates`` take the place of the case's; published values
+    hold for one set of parameters only, so that a variant has its own or none.
     """
 
     parameters: Annotated[Parameters, Field(min_length=1)]
     run: RunDefaults = RunDefaults()
+    expect: Expect = Expect()
     published: list[Published] = []
     experiments: Annotated[list[Experiment], Field(min_length=1)] | None = None
     gates: list[Gate] | None = None
@@ -355,6 +356,7 @@ class CaseFile(_Table):
         for variant in self.variants:
             if self.complete(variant.parameters) == parameters:
                 changes["run"] = self.run.model_copy(update=variant.run.model_dump(exclude_unset=True))
+                changes["expect"] = self.expect.model_copy(update=variant.expect.model_dump(exclude_unset=True))
                 changes["published"] = variant.published
                 changes.update({k: v for k in ("experiments", "gates") if (v := getattr(variant, k)) is not None})
         return self.model_copy(update=changes)
