@@ -1,8 +1,8 @@
 """Regenerates reference-N=*.csv: the top of the first crank, from the equation of one crank. No MuJoCo, no oarlock.
 
-On the parallelogram branch all cranks turn alike, by θ from the upright to the right, and the couplers stay level. With
-rods of length l = 1 m and mass m = 1 kg the N + 1 cranks have ⅓ m l² each about their pivots, and each of the N couplers
-moves as a point at a crank's top:
+On the parallelogram branch all cranks turn alike, by θ from the upright to the right, and the couplers stay level.
+With rods of length l = 1 m and mass m = 1 kg the N + 1 cranks have ⅓ m l² each about their pivots, and each of the N
+couplers moves as a point at a crank's top:
 
     (⅓ (N + 1) + N) θ̈ = g (½ (N + 1) + N) sin θ,     θ(0) = 0,   θ̇(0) = 1 /s.
 
@@ -28,7 +28,7 @@ COLUMNS = ["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
 
 
 def factor(loops):
-    """k in θ̈ = k sin θ, 1/s²."""
+    """The k of θ̈ = k sin θ, 1/s²."""
     return GRAVITY * ((loops + 1) / 2 + loops) / ((loops + 1) / 3 + loops)
 
 
