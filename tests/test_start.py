@@ -69,6 +69,24 @@ def test_consistent_velocity_is_left_alone():
     np.testing.assert_array_equal(again.qvel, start.qvel)
 
 
+KEY = '<keyframe><key name="{}" qpos="0.1 0.2 0.3" qvel="1 0 0"/></keyframe>'
+
+
+def test_keyframe_is_the_start(tmp_path):
+    """Under its own name only, entries of [start] on top, and closed like any other start."""
+    path = write_model(tmp_path, four_bar(rest=KEY.format("start")))
+    start, data = started(case_of(path))
+    asked, _ = started(case_of(path, start={"qpos": dict(zip(JOINTS, [0.1, 0.2, 0.3], strict=True)), "qvel": MOVING}))
+    np.testing.assert_array_equal(start.qpos, asked.qpos)
+    np.testing.assert_array_equal(start.qvel, asked.qvel)
+    assert np.abs(data.efc_vel).max() <= CLOSED
+    assert start.moved > 0.01
+    still, _ = started(case_of(path, start={"qvel": {"crank": 0.0}}))
+    assert not still.qvel.any()
+    other, _ = started(case_of(write_model(tmp_path, four_bar(rest=KEY.format("home")))))
+    assert not other.qpos.any()
+
+
 def test_unclosable_loop_is_named_with_its_gap(tmp_path):
     """The tips are 0.85 m and 0.54 m from pivots that are 5 m apart: at least 3.6 m stay open."""
     with pytest.raises(InputError, match=r"equality 'pin' stays open by 3\.6\d") as raised:
@@ -114,6 +132,7 @@ def test_disabled_equalities(tmp_path):
         started(case_of(path))
 
 
+JOINTS, MOVING = ["crank", "coupler", "rocker"], {"crank": 1.0}
 HAND = '<geom name="hand" type="sphere" size="0.1" contype="1" conaffinity="1"/>'
 WALL = """<worldbody>
   <geom name="wall" type="sphere" size="0.1" pos="0 0 0.3" contype="1" conaffinity="1"/></worldbody>"""

@@ -3,11 +3,12 @@
 import importlib.util
 
 import boat_paper as paper
+import mujoco
 import numpy as np
 import pytest
-from mechanisms import BOAT, boat_with
+from mechanisms import BOAT, boat_with, case_of, four_bar, setup_of, write_model
 from oarlock import InputError, load_case
-from oarlock.truth import TruthTrajectory, load_truth
+from oarlock.truth import SITE_COLUMNS, TruthTrajectory, load_truth
 from scipy.integrate import solve_ivp
 from tolerances import (
     TRUTH_INTERPOLATION,
@@ -134,6 +135,91 @@ def test_malformed_tables_are_named(tmp_path, content, message):
     with pytest.raises(InputError, match=message) as raised:
         TruthTrajectory(path)
     assert "bad.csv: " in str(raised.value)
+
+
+# Truth of a site, and of a variant.
+
+SITE_HEAD = "time,x,y,z,vx,vy,vz,ax,ay,az\n"
+
+
+def swinging(times):
+    """A circle in the plane y = 0.2, and its two derivatives, (n, 9)."""
+    sin, cos, flat = np.sin(times), np.cos(times), np.zeros_like(times)
+    return np.column_stack([sin, flat + 0.2, cos, cos, flat, -sin, -sin, flat, -cos])
+
+
+def write_site(path, times):
+    rows = np.column_stack([times, swinging(times)])
+    path.write_text(SITE_HEAD + "\n".join(",".join(f"{x:.16g}" for x in row) for row in rows) + "\n")
+
+
+def test_truth_of_a_site_has_three_components(tmp_path):
+    write_site(tmp_path / "site.csv", np.arange(0, 1.01, 0.01))
+    truth = TruthTrajectory(tmp_path / "site.csv", SITE_COLUMNS)
+    times = np.arange(0.005, 1.0, 0.01)
+    assert np.abs(truth.position(times) - swinging(times)[:, :3]).max() <= TRUTH_INTERPOLATION
+    assert truth.position(np.array([0.5, 2.0])).shape == (2, 3)
+    assert np.isnan(truth.position(np.array([2.0]))).all()
+
+
+@pytest.mark.parametrize("observed", [{"site": "tip1"}, {"joint": "crank"}])
+def test_columns_belong_to_what_is_observed(tmp_path, observed):
+    path = write_model(tmp_path, four_bar())
+    (tmp_path / "t.csv").write_text((SITE_HEAD if "joint" in observed else HEAD) + "0,0,0,0\n1,0,0,0\n")
+    with pytest.raises(InputError, match=r"t\.csv: columns .* expected"):
+        load_truth(case_of(path, truth={"file": "t.csv", "source": "s", **observed}))
+
+
+def held_still(tmp_path, **offsets):
+    """A four-bar at rest without gravity, and a truth that is off by ``offsets`` of the place of a site."""
+    path = write_model(tmp_path, four_bar(rest='<option gravity="0 0 0"/>'))
+    place = [0.5 + offsets.get("x", 0), offsets.get("y", 0), 0.5 + offsets.get("z", 0)]  # 0.3 + 0.2 high
+    row = ",".join(map(str, [*place, *[0.0] * 6]))
+    (tmp_path / "still.csv").write_text(SITE_HEAD + f"0,{row}\n1,{row}\n")
+    truth = {"file": "still.csv", "site": "tip1", "source": "by hand"}
+    return case_of(path, truth=truth, run={"duration_s": 0.02})
+
+
+@pytest.mark.parametrize(("offsets", "error"), [({}, 0.0), ({"x": 0.1}, 0.1), ({"y": -0.3, "z": 0.2}, 0.3)])
+def test_truth_error_of_a_site_is_its_worst_component(tmp_path, offsets, error):
+    setup = setup_of(held_still(tmp_path, **offsets))
+    assert setup.truth is not None
+    assert setup.truth.columns == ["time_s", "x", "y", "z"]
+    data = setup.data()
+    mujoco.mj_forward(setup.model, data)
+    assert setup.truth_error(3, data) == pytest.approx(error, abs=TRUTH_INTERPOLATION)
+
+
+@pytest.mark.parametrize(
+    ("observed", "message"),
+    [
+        ({"site": "tip9"}, r"unknown site in \[truth\] of case 'made-up' 'tip9', expected one of: .*tip1"),
+        ({"joint": "crnk"}, r"unknown joint in \[truth\] .*'crnk', expected one of: crank, coupler, rocker"),
+    ],
+)
+def test_what_is_observed_must_be_there(tmp_path, observed, message):
+    path = write_model(tmp_path, four_bar())
+    write_site(tmp_path / "t.csv", np.array([0.0, 1.0]))
+    (tmp_path / "j.csv").write_text(HEAD + "0,0,0,0\n1,0,0,0\n")
+    with pytest.raises(InputError, match=message):
+        setup_of(case_of(path, truth={"file": "t.csv" if "site" in observed else "j.csv", "source": "s", **observed}))
+
+
+def test_truth_of_a_ball_joint_is_refused(tmp_path):
+    xml = """<mujoco><worldbody><body name="bob"><joint name="ball" type="ball"/><geom size="0.1" pos="0 0 1"/>
+      </body></worldbody><equality><connect body1="bob" anchor="0 0 1"/></equality></mujoco>"""
+    (tmp_path / "j.csv").write_text(HEAD + "0,0,0,0\n1,0,0,0\n")
+    case = case_of(write_model(tmp_path, xml), truth={"file": "j.csv", "joint": "ball", "source": "s"})
+    with pytest.raises(InputError, match=r"\[truth\] .*'ball' has several coordinates, expected a hinge or slide"):
+        setup_of(case)
+
+
+def test_a_variant_has_its_own_table():
+    truths = [load_truth(load_case(name)) for name in ("n_four_bar", "n_four_bar:N=10", "n_four_bar:connects=2")]
+    two, ten, doubled = (truth.position(np.array([1.0]))[0] for truth in truths if truth)
+    assert np.abs(two - ten).max() > 0.01  # the motion depends on N
+    np.testing.assert_array_equal(two, doubled)  # and not on how a loop is closed
+    assert load_truth(load_case("n_four_bar:N=3")) is None  # nobody made a table for it
 
 
 def test_missing_table_is_named():

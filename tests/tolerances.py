@@ -87,3 +87,17 @@ ITERATIONS_BAND = 0.05
 
 SOLVE_RESIDUAL = 1e-10
 """Relative. Pseudo-inverse of matrices whose positive eigenvalues span three decades: rounding times 1e3, with room."""
+
+# Reactions.
+
+DETERMINED_REACTION = 1e-8
+"""Relative to the largest multiplier. Two pseudo-inverses of one problem: rounding times A's condition, below 1e8."""
+
+ARBITRARY_REACTION = 1e-3
+"""As above. What weights between ½ and 2 must at least move a multiplier that is not determined: tenths, mostly."""
+
+# Published values and references.
+
+REFERENCE_REGENERATED = 1e-9
+"""Relative to the largest value of a column. Accelerations of stiff motors hang on the last bit of libm: see
+``TRUTH_REGENERATED_ACCELERATION``."""

@@ -22,7 +22,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Count = Annotated[int, Field(ge=0, strict=True)]
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
-Parameters = dict[str, Annotated[int, Field(strict=True)] | Finite]
+Parameters = dict[str, Finite | Annotated[int, Field(strict=True)]]
 Reactions = Literal["unique", "partly unique", "not unique"]
 
 
@@ -175,7 +175,7 @@ class Published(_Observed):
 
     time_s: NonNegative
     equality: str | None = None
-    position: Finite | Annotated[list[Finite], Field(min_length=3, max_length=3)] | None = None
+    position: Finite | list[Finite] | None = None
     velocity: Finite | None = None
     multipliers: Annotated[list[Finite], Field(min_length=1)] | None = None
     source: str
@@ -188,7 +188,7 @@ class Published(_Observed):
             fits = fits and bool(given) and given <= {"position", "velocity"}
         elif self.site is not None:
             what, fits = "position = [x, y, z] and nothing else", given == {"position"}
-            fits = fits and isinstance(self.position, list)
+            fits = fits and isinstance(self.position, list) and len(self.position) == 3
         else:
             what, fits = "multipliers = [a number a row] and nothing else", given == {"multipliers"}
         if not fits:

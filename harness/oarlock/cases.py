@@ -3,6 +3,7 @@
 A parametrised model is one case with variants, addressed as ``NAME:key=value,…``.
 """
 
+import os
 import re
 from pathlib import Path
 
@@ -85,7 +86,7 @@ def load_case(model: str | Path) -> Case:
     Raises:
         InputError: no such model, a mistake in its ``case.toml``, or a parameter that it does not have.
     """
-    text, given = (str(model), {}) if Path(model).exists() else split_options(str(model), "parameter")
+    text, given = (str(model), {}) if os.path.exists(model) else split_options(str(model), "parameter")
     path = Path(text)
     if path.suffix in (".xml", ".py"):
         if not path.is_file():

@@ -65,7 +65,7 @@ class Setup:
         self.start: ConsistentStart = consistent_start(self.model, case)
         self.timestep_s = float(self.model.opt.timestep)
         self.steps = max(1, round(duration_s / self.timestep_s))
-        self.published = PublishedValues(self.model, case)
+        self.published = PublishedValues(self.model, case, own=timestep_s is None)
         if self.published.last_step == self.steps:
             self.steps += 1  # states are recorded at the start of a step, and this one belongs to the end
         self.truth: pl.DataFrame | None = None

@@ -1,5 +1,7 @@
 """``NAME:key=value,…``: how a solver and a parametrised model are asked for."""
 
+import math
+
 from oarlock.errors import InputError
 
 Number = int | float
@@ -23,7 +25,7 @@ def split_options(text: str, what: str) -> tuple[str, dict[str, Number]]:
         key, equals, value = (part.strip() for part in item.partition("="))
         try:
             number = _number(value)
-        except (ValueError, OverflowError):
+        except ValueError:
             number = None
         if number is None or not equals or not key:
             raise InputError(f"{what} '{item}' in '{text}', expected key=number")
@@ -34,11 +36,14 @@ def split_options(text: str, what: str) -> tuple[str, dict[str, Number]]:
 
 
 def _number(text: str) -> Number:
-    value = float(text)  # first, so that an integer beyond all floats is refused
+    value = float(text)
     try:
-        return int(text)
+        integer = int(text)
     except ValueError:
         return value
+    if math.isinf(value):  # no float is as large
+        raise ValueError(text)
+    return integer
 
 
 def join_options(name: str, options: dict[str, Number]) -> str:

@@ -31,14 +31,14 @@ def componentwise(value: np.ndarray, published: np.ndarray) -> float:
 class PublishedValues:
     """The published values of a case, each with its step.
 
+    At another timestep than the case's own (``own`` is false) a value between two steps is left out.
+
     Raises:
-        InputError: a value names something that the model does not have, or, at the case's own timestep, lies between
-            two steps.
+        InputError: a value names something that the model does not have, or lies between two of the case's own steps.
     """
 
-    def __init__(self, model: mujoco.MjModel, case: Case):
+    def __init__(self, model: mujoco.MjModel, case: Case, *, own: bool = True):
         timestep = float(model.opt.timestep)
-        own = case.file.run.timestep_s in (None, timestep)
         all_of = equalities(model)
         names = [equality.name for equality in all_of]
         self._due: dict[int, list[tuple[Published, Observed | int]]] = defaultdict(list)

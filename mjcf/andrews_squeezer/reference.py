@@ -142,7 +142,7 @@ def energies(q, v):
 
 
 def solve(times, rtol=RTOL, atol=ATOL):
-    """q and q̇ at the times (s), (n, 7) each, from rest."""
+    """Angles and rates at the times (s), (n, 7) each, from rest."""
     solution = solve_ivp(
         lambda t, y: np.concatenate([y[7:], solve_state(y[:7], y[7:])[0]]),
         (0.0, times[-1]),
