@@ -185,11 +185,20 @@ _VIEW = np.array([[0.80, 0.60, 0.0], [-0.28, 0.37, 0.886]])
 """Rows: the screen's right and up in world coordinates; a parallel projection with z up."""
 
 
+def _view(sketch: dict[str, Any]) -> np.ndarray:
+    """The usual projection; for a mechanism in a coordinate plane, that plane."""
+    points = np.array([p for body in sketch["bodies"] for p in (body["hub"], *body["points"])], dtype=float)
+    extent = np.ptp(points.reshape(-1, 3), axis=0)
+    flat = extent <= 1e-6 * extent.max()
+    return np.eye(3)[~flat] if flat.sum() == 1 else _VIEW
+
+
 def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
     """The mechanism at its start, with the traces that the anchors of its loops run along."""
+    view = _view(sketch)
 
     def project(points: list[list[float]]) -> np.ndarray:
-        return np.round(np.array(points, dtype=float).reshape(-1, 3) @ _VIEW.T, 5)
+        return np.round(np.array(points, dtype=float).reshape(-1, 3) @ view.T, 5)
 
     links, hubs = [], []
     for body in sketch["bodies"]:
