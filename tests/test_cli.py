@@ -104,7 +104,7 @@ def test_divergence_keeps_the_streams_clean(oarlock_command):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ("bogus", "unknown model 'bogus', expected one of: boat"),
+        ("bogus", "unknown model 'bogus', expected one of: andrews_squeezer, boat"),
         ("gone.xml", "no model file 'gone.xml'"),
         ("boat --solver gauss", "unknown solver 'gauss', expected one of: mujoco, "),
         ("boat --solver sr1:eps=1", "no option 'eps', expected one of: eps_abs"),

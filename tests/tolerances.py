@@ -95,9 +95,3 @@ DETERMINED_REACTION = 1e-8
 
 ARBITRARY_REACTION = 1e-3
 """As above. What weights between ½ and 2 must at least move a multiplier that is not determined: tenths, mostly."""
-
-# Published values and references.
-
-REFERENCE_REGENERATED = 1e-9
-"""Relative to the largest value of a column. Accelerations of stiff motors hang on the last bit of libm: see
-``TRUTH_REGENERATED_ACCELERATION``."""
