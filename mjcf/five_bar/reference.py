@@ -24,7 +24,7 @@ FOREARM = 0.3
 DENSITY, WIDTH, GRAVITY = 2700.0, 0.012, 9.81
 STIFFNESS, DAMPING = 50.0, 1.0
 AMPLITUDES, RATES = np.array([0.25, 0.3]), 2 * np.pi * np.array([1.0, 1.5])
-DURATION, INTERVAL = 2.0, 0.001
+DURATION, INTERVAL = 2.0, 0.002
 RTOL, ATOL = 1e-13, 1e-14
 
 
@@ -107,20 +107,21 @@ def solve(times, rtol=RTOL, atol=ATOL):
     return solution.y
 
 
-def rows(times):
-    """Position, velocity and acceleration of motor 1 at the times."""
-    for time, state in zip(times, solve(times).T, strict=True):
-        yield time, state[0], state[2], acceleration(time, state[:2], state[2:])[0]
+def tool_path(time, q, q_dot):
+    """Place, velocity and acceleration of the tool, (3, 2) in m, at time (s), q (rad) and q̇ (rad/s)."""
+    tip = points(q, q_dot)[-1]
+    return np.array([tip.position, tip.jacobian @ q_dot, tip.jacobian @ acceleration(time, q, q_dot) + tip.bias])
 
 
 def main():
     """Writes reference.csv beside this file."""
     times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
     with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# motor 1, equations of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
+        file.write(f"# tool, equations of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for time, *values in rows(times):
+        writer.writerow(["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"])
+        for time, state in zip(times, solve(times).T, strict=True):
+            values = np.insert(tool_path(time, state[:2], state[2:]), 1, 0.0, axis=1).ravel()
             writer.writerow([f"{time:.3f}", *(f"{value:.16g}" for value in values)])
 
 

@@ -1,4 +1,4 @@
-"""Regenerates reference.csv: crank angle of Jansen's leg, by its reduced equation of motion. No MuJoCo, no oarlock.
+"""Regenerates reference.csv: toe of Jansen's leg, by its reduced equation of motion. No MuJoCo, no oarlock.
 
 Every joint of the leg is where two circles meet whose centres are known by then, so its place follows from the crank
 angle φ in closed form. First and second derivatives with respect to φ follow from (P − A)·(P − A) = const:
@@ -23,7 +23,7 @@ CM = dict(zip("abcdefghijklm", (38, 41.5, 39.3, 40.1, 55.8, 39.4, 36.7, 65.7, 49
 LENGTH = {name: 0.01 * length for name, length in CM.items()}
 DENSITY, WIDTH, GRAVITY = 700.0, 0.03, 9.81
 SPEED, DAMPING = 2 * np.pi, 2.0
-DURATION, INTERVAL = 2.0, 0.001
+DURATION, INTERVAL = 2.0, 0.002
 RTOL, ATOL = 1e-13, 1e-14
 
 # The bars: every side of a triangle is one.
@@ -93,16 +93,21 @@ def solve(times, rtol=RTOL, atol=ATOL):
     return solution.y
 
 
+def toe(phi, phi_dot):
+    """Place, velocity and acceleration of the toe Y, (3, 2) in m, at φ (rad) and φ̇ (rad/s)."""
+    place, first, second = points(phi)["Y"]
+    return np.array([place, first * phi_dot, second * phi_dot**2 + first * acceleration(phi, phi_dot)])
+
+
 def main():
     """Writes reference.csv beside this file."""
     times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
-    phi, phi_dot = solve(times)
-    phi_ddot = [acceleration(*state) for state in zip(phi, phi_dot, strict=True)]
     with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
+        file.write(f"# toe, reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for time, *values in zip(times, phi, phi_dot, phi_ddot, strict=True):
+        writer.writerow(["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"])
+        for time, state in zip(times, solve(times).T, strict=True):
+            values = np.insert(toe(*state), 1, 0.0, axis=1).ravel()
             writer.writerow([f"{time:.3f}", *(f"{value:.16g}" for value in values)])
 
 
