@@ -66,8 +66,8 @@ def tool(left, right, q_dot):
 def points(q, q_dot):
     """Both pivots, both elbows, the tool."""
     pivots = [Point(pivot, np.zeros((2, 2)), np.zeros(2)) for pivot in PIVOTS]
-    elbows = [elbow(motor, q, q_dot) for motor in (0, 1)]
-    return *pivots, *elbows, tool(*elbows, q_dot)
+    left, right = (elbow(motor, q, q_dot) for motor in (0, 1))
+    return *pivots, left, right, tool(left, right, q_dot)
 
 
 def target(time):
