@@ -24,6 +24,9 @@ from oarlock.run import run as run_model
 
 GATE_FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 1, 2, 130, 141
 
+WIDE = 1000
+"""Columns of a table that no terminal shows: wide enough for every reference and tag."""
+
 app = typer.Typer(
     help="Cross-validates closed-chain MuJoCo models: exact constraint multipliers against MuJoCo, step by step.",
     no_args_is_help=True,
@@ -112,7 +115,7 @@ def _print_summary(results: Results) -> None:
     for row in results.rows:
         table.add_row(*(_cell(row[name]) for name in _COLUMNS))
     # Without a terminal a table must not be cut to the width of one.
-    console = Console() if sys.stdout.isatty() else Console(width=200)
+    console = Console() if sys.stdout.isatty() else Console(width=WIDE)
     console.print(table)
 
 
@@ -134,7 +137,7 @@ def list_models(
         table.add_column(name, no_wrap=True)
     for entry in entries:
         table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else _cell(v) for name in names))
-    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+    (Console() if sys.stdout.isatty() else Console(width=WIDE)).print(table)
 
 
 @app.command()
