@@ -1,6 +1,9 @@
-"""The boat's outside truth: made again, made otherwise, interpolated; and tables that are no truth."""
+"""Outside truths: every table made again by its script; the boat's also made otherwise, and interpolated; and tables
+that are no truth."""
 
 import importlib.util
+import runpy
+import shutil
 
 import boat_paper as paper
 import mujoco
@@ -8,6 +11,7 @@ import numpy as np
 import pytest
 from mechanisms import BOAT, boat_with, case_of, four_bar, setup_of, write_model
 from oarlock import InputError, load_case
+from oarlock.cases import MODELS
 from oarlock.truth import SITE_COLUMNS, TruthTrajectory, load_truth
 from scipy.integrate import solve_ivp
 from tolerances import (
@@ -15,7 +19,46 @@ from tolerances import (
     TRUTH_OTHER_SOLVER,
     TRUTH_REGENERATED,
     TRUTH_REGENERATED_ACCELERATION,
+    TRUTH_TABLE,
+    TRUTH_TABLE_ACCELERATION,
 )
+
+SCRIPTS = sorted(MODELS.glob("*/reference.py"))
+
+
+def tables_in(folder):
+    """Name of a table → its head (comment and columns) and its numbers, of every table of a truth in a folder."""
+    found = {}
+    for path in sorted(folder.glob("reference*.csv")):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        begin = next(index for index, line in enumerate(lines) if line[0] in "0123456789-")
+        found[path.name] = lines[:begin], np.loadtxt(lines[begin:], delimiter=",")
+    return found
+
+
+def test_every_table_has_a_script():
+    """What the next test does not walk would be believed unseen."""
+    with_tables = {path.parent for path in MODELS.glob("*/reference*.csv")}
+    assert with_tables == {path.parent for path in SCRIPTS}
+    assert load_case("boat").folder in with_tables
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.parent.name)
+def test_tables_are_what_their_script_makes(script, tmp_path):
+    copy = shutil.copy(script, tmp_path)
+    runpy.run_path(copy, run_name="__main__")
+    shipped, made = tables_in(script.parent), tables_in(tmp_path)
+    assert shipped.keys() == made.keys()
+    for name, (head, table) in shipped.items():
+        head_made, table_made = made[name]
+        assert head == head_made
+        assert table.shape == table_made.shape
+        np.testing.assert_array_equal(table[:, 0], table_made[:, 0])
+        kinds = zip(np.split(table[:, 1:], 3, axis=1), np.split(table_made[:, 1:], 3, axis=1), strict=True)
+        bounds = {"position": TRUTH_TABLE, "velocity": TRUTH_TABLE, "acceleration": TRUTH_TABLE_ACCELERATION}
+        for (kind, bound), (values, values_made) in zip(bounds.items(), kinds, strict=True):
+            gap = np.abs(values - values_made).max() / np.abs(values_made).max()
+            assert gap <= bound, f"{name}: {kind} off by {gap:.2g} of its largest, expected at most {bound:g}"
 
 
 @pytest.fixture(scope="module")

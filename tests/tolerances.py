@@ -30,6 +30,13 @@ TRUTH_REGENERATED = 1e-12
 TRUTH_REGENERATED_ACCELERATION = 2e-9
 """rad/s². ``TRUTH_REGENERATED`` times the motor's stiffness over the inertia, 1333 /s²."""
 
+TRUTH_TABLE = 1e-12
+"""Relative to the largest. DOP853 at 1e-13, made again on another machine, where the last bit of libm may choose other
+steps: with other steps the tables move by 2.5e-13 at most (measured)."""
+
+TRUTH_TABLE_ACCELERATION = 1e-9
+"""Relative to the largest. ``TRUTH_TABLE`` times how fast forces change: the boat's motor makes 1e3 /s² of it."""
+
 TRUTH_OTHER_SOLVER = 1e-11
 """rad. Two integrations at 1e-13 relative of a motion of 14.7 rad, by other methods, steps or coordinates."""
 
