@@ -14,6 +14,7 @@ import polars as pl
 from oarlock.cases import Case, Form, Integrator, Mode
 from oarlock.drive import Drive
 from oarlock.errors import InputError, RefusedError, choose, one_line
+from oarlock.inequalities import ignore_inequalities
 from oarlock.mechanism import load_mechanism
 from oarlock.metrics import Energy, against_mujoco, drift, largest, solving
 from oarlock.results import Recorder, RunKey, RunResult
@@ -46,7 +47,10 @@ class Task:
 
 
 class Setup:
-    """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them."""
+    """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them.
+
+    ``ignored`` says which contacts, limits and friction were switched off, or None where none were to be.
+    """
 
     def __init__(
         self,
@@ -56,8 +60,10 @@ class Setup:
         settings: str,
         timestep_s: float | None,
         duration_s: float,
+        ignoring: bool = False,
     ):
         self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
+        self.ignored = ignore_inequalities(self.model) if ignoring else None
         self.drive = Drive(self.model, case)
         self.start: ConsistentStart = consistent_start(self.model, case)
         self.timestep_s = float(self.model.opt.timestep)
@@ -94,8 +100,11 @@ class Setup:
 class Laboratory:
     """Runs the tasks of one case."""
 
-    def __init__(self, case: Case, timestep_s: float | None, duration_s: float, tick: Tick):
+    def __init__(
+        self, case: Case, timestep_s: float | None, duration_s: float, tick: Tick, *, ignore_inequalities: bool = False
+    ):
         self.case = case
+        self._ignoring = ignore_inequalities
         self._timestep_s, self._duration_s = timestep_s, duration_s
         self._tick = tick
         self._truth = load_truth(case)
@@ -103,7 +112,9 @@ class Laboratory:
 
     def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
         """The case, prepared."""
-        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s)
+        return Setup(
+            self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s, self._ignoring
+        )
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.

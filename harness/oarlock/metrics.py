@@ -69,7 +69,8 @@ class Energy:
 
     def __init__(self, model: mujoco.MjModel):
         self._model = model
-        damped = model.dof_damping.any() or model.tendon_damping.any() or model.dof_frictionloss.any()
+        rubs = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+        damped = model.dof_damping.any() or model.tendon_damping.any() or (rubs and model.dof_frictionloss.any())
         self._conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
 
     def of(self, data: mujoco.MjData) -> dict[str, float]:

@@ -11,7 +11,8 @@ from oarlock._core import ConstrainedSystem, make_solver
 from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, choose
-from oarlock.mechanism import element_name, equalities, refuse_inequalities
+from oarlock.inequalities import IGNORED, refuse_inequalities
+from oarlock.mechanism import element_name, equalities
 
 CLOSED = 1e-12
 """A loop is closed when no row is off by more, in m or rad: about 1000 rounding errors of a length of 1 m, so that a
@@ -128,8 +129,7 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
 def _loops_only(model: mujoco.MjModel) -> Iterator[None]:
     """Switches contacts, limits and friction off: on its way to a closed pose the mechanism may pass through them."""
     flags = model.opt.disableflags
-    bits = mujoco.mjtDisableBit
-    model.opt.disableflags |= bits.mjDSBL_CONTACT | bits.mjDSBL_LIMIT | bits.mjDSBL_FRICTIONLOSS
+    model.opt.disableflags |= IGNORED
     try:
         yield
     finally:

@@ -5,7 +5,7 @@ import numpy as np
 
 from oarlock.cases import Baumgarte, Form
 from oarlock.curvature import Curvature
-from oarlock.mechanism import refuse_inequalities
+from oarlock.inequalities import refuse_inequalities
 
 
 class State:
