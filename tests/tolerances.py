@@ -8,11 +8,16 @@ PAPER_FORMULA = 1e-8
 REFERENCE_CURVATURE = 1e-9
 """Relative. J̇v recovered from aref cancels the much larger stiffness term, up to 1e4 times the rounding of aref."""
 
-FINITE_DIFFERENCE_STEP = 1e-5
-"""s. Truncation ~ step², rounding ~ 1e-16 / step: the two meet near 1e-5."""
+FINITE_DIFFERENCE_STEP = 1e-4
+"""s. Five-point differences: truncation ~ step⁴, rounding ~ 1e-16 / step; the two meet near 1e-3, and speeds of some
+/s shorten the step that a motion sees."""
 
-FINITE_DIFFERENCE = 1e-7
-"""Relative. Central differences with that step: 1e-10 of the third derivatives, 1e-11 of rounding, times lengths."""
+FINITE_DIFFERENCE = 1e-9
+"""Relative. Five-point differences with that step: 1e-12 of rounding, and truncation ~ 1e-16 times the fifth
+derivatives, which a tendon of some centimetres raises to 1e-10 (measured)."""
+
+SAME_POINT = 1e-14
+"""m. Two ways to one point some metres from the origin: rounding."""
 
 # Starts.
 

@@ -78,6 +78,14 @@ def load_mechanism(
     )
 
 
+def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """J of all constraint rows, (nefc, nv), a view of MuJoCo's arena; the model's Jacobian is dense.
+
+    MuJoCo makes room for rows that it then leaves out because they are zero: the array may be longer than J.
+    """
+    return data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)
+
+
 def element_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:
     """Name of an element, or its number in ``#`` form where it has none."""
     return mujoco.mj_id2name(model, kind, index) or f"#{index}"

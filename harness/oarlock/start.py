@@ -12,7 +12,7 @@ from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, choose
 from oarlock.inequalities import IGNORED, refuse_inequalities
-from oarlock.mechanism import element_name, equalities
+from oarlock.mechanism import element_name, equalities, jacobian
 
 CLOSED = 1e-12
 """A loop is closed when no row is off by more, in m or rad: about 1000 rounding errors of a length of 1 m, so that a
@@ -63,7 +63,7 @@ def _gap(data: mujoco.MjData) -> float:
 
 
 def _jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    return data.efc_J.reshape(data.nefc, model.nv)[: data.ne]
+    return jacobian(model, data)[: data.ne]
 
 
 class _Projector:
@@ -78,9 +78,9 @@ class _Projector:
 
     def correction(self, model: mujoco.MjModel, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0):
         mujoco.mj_fullM(model, data, self._mass)
-        jacobian = _jacobian(model, data)
+        rows = _jacobian(model, data)
         softness = np.full(len(wanted), damping) if damping else None
-        self._system.assemble(self._mass, jacobian, self._zero, wanted, softness)
+        self._system.assemble(self._mass, rows, self._zero, wanted, softness)
         multipliers, info = self._solver.solve_system(self._system)
         self.rank = info.rank or 0
         return self._system.acceleration(multipliers)[0]
