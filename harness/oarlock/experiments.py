@@ -112,9 +112,7 @@ class Laboratory:
 
     def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
         """The case, prepared."""
-        return Setup(
-            self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s, self._ignoring
-        )
+        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s, self._ignoring)
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.

@@ -50,9 +50,10 @@ def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         return
     rows = np.flatnonzero(data.efc_type != mujoco.mjtConstraint.mjCNSTR_EQUALITY)
     names = list(dict.fromkeys(_row_name(model, data, int(row)) for row in rows))
+    verb, them = ("is", "it") if len(names) == 1 else ("are", "them")
     raise RefusedError(
-        f"{_few(names)} {'is' if len(names) == 1 else 'are'} active at t = {data.time:g} s, expected equality rows "
-        f"only: disable it in the model (contype/conaffinity, limited, frictionloss), or run with {OPTION}"
+        f"{_few(names)} {verb} active at t = {data.time:g} s, expected equality rows only: disable {them} in the "
+        f"model (contype/conaffinity, limited, frictionloss), or run with {OPTION}"
     )
 
 

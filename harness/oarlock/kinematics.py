@@ -22,7 +22,7 @@ class Point:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a × b of two vectors (3); many times faster than NumPy's."""
+    """The product a × b of two vectors (3); many times faster than NumPy's."""
     product = np.zeros(3)
     mujoco.mju_cross(product, a, b)
     return product

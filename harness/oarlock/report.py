@@ -79,6 +79,12 @@ class Tables:
         """Every run that has these values."""
         return [row for row in self.rows if all(row[key] == value for key, value in where.items())]
 
+    @property
+    def unit(self) -> str:
+        """Unit of the loops' deviations."""
+        units = {equality["unit"] for equality in self.case["model"]["equalities"]}
+        return units.pop() if len(units) == 1 else "m or rad"
+
     def free_runs(self) -> dict[str, dict[str, Any]]:
         """The free runs that figures compare: MuJoCo default, MuJoCo stiff, exact; those there are."""
         candidates = {
@@ -117,7 +123,7 @@ def draw(tables: Tables) -> list[Figure]:
         drawn.append(Figure("truth", "Distance from the outside truth.", chart))
     if free:
         equality = tables.case["model"]["equalities"][0]
-        chart = figures.deviations(free, 3, equality["name"])
+        chart = figures.deviations(free, equality["rows"], equality["name"])
         caption = f"Deviations of the constraint rows of '{equality['name']}': how far the loop stands open."
         drawn.append(Figure("deviations", caption, chart))
     iterating = tables.pick(mode="lockstep", form="hard", walker="pinv", solver="sr1")

@@ -206,9 +206,7 @@ def run(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
     solvers = (solver,) if isinstance(solver, str) else tuple(solver)
-    request = Request(
-        solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol, ignore_inequalities
-    )
+    request = Request(solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol, ignore_inequalities)
     tasks = plan(case, request)
     progress = progress or Progress()
     laboratory = Laboratory(
