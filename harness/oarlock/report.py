@@ -30,6 +30,8 @@ OCCASION = ("commit", "date", "cores", "kernel")
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
 """What a report consists of. A folder that holds anything else is not replaced."""
 
+_NO_CURVATURE = ("joint", "tendon")
+
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("oarlock"),
     trim_blocks=True,
@@ -84,6 +86,11 @@ class Tables:
         """Unit of the loops' deviations."""
         units = {equality["unit"] for equality in self.case["model"]["equalities"]}
         return units.pop() if len(units) == 1 else "m or rad"
+
+    @property
+    def without_curvature(self) -> list[str]:
+        """Equalities of the kinds for which MuJoCo's reference acceleration leaves J̇v out."""
+        return [equality["name"] for equality in self.case["model"]["equalities"] if equality["kind"] in _NO_CURVATURE]
 
     def free_runs(self) -> dict[str, dict[str, Any]]:
         """The free runs that figures compare: MuJoCo default, MuJoCo stiff, exact; those there are."""
