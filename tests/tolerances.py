@@ -35,6 +35,13 @@ TRUTH_REGENERATED = 1e-12
 TRUTH_REGENERATED_ACCELERATION = 2e-9
 """rad/s². ``TRUTH_REGENERATED`` times the motor's stiffness over the inertia, 1333 /s²."""
 
+TRUTH_REGENERATED_SWINGING = 1e-11
+"""rad, rad/s. The same for a free swing, where nothing holds the phase: a last bit at the start becomes 1e-13 in 8 s,
+and other steps of the solver at its tolerance make 3e-12 of the velocity (both measured)."""
+
+TRUTH_REGENERATED_SWINGING_ACCELERATION = 1e-9
+"""rad/s². The same times the largest stiffness over inertia of the three models, some 40 /s²."""
+
 TRUTH_OTHER_SOLVER = 1e-11
 """rad. Two integrations at 1e-13 relative of a motion of 14.7 rad, by other methods, steps or coordinates."""
 
@@ -81,6 +88,13 @@ RK4_ORDER_LOW, RK4_ORDER_HIGH = 12.0, 20.0
 
 FROZEN_DRIVE = 1e-7
 """rad. What a drive that is held over a Runge–Kutta step must at least spoil within 0.2 s."""
+
+CURVATURE_SHOWS = 0.03
+"""Relative. A stiff row's deviation against J̇v/(K d), its rest without inertia: it lags by two time constants of 4 ms
+behind a J̇v that changes over 0.2 s and more, and its force adds the softness of 1e-4 (0.0005 and 0.007 measured)."""
+
+CURVATURE_RESTORED = 0.02
+"""Of the deviation. What is left once J̇v is in the question: 1e-4 of softness, 0.001 and 0.007 measured."""
 
 # The method.
 

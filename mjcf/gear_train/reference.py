@@ -36,14 +36,12 @@ def acceleration(x, rate):
     inertia = ABOUT_SHAFT[0] + coupled * slope**2
     inertia_slope = 2.0 * coupled * slope * SECOND(x)
     # The third weight is at height r sin of its angle.
-    fall = WEIGHTS[0] * np.sin(x) + slope * (
-        WEIGHTS[1] * np.sin(angle) + WEIGHTS[2] * RATIO * np.cos(RATIO * angle)
-    )
+    fall = WEIGHTS[0] * np.sin(x) + slope * (WEIGHTS[1] * np.sin(angle) + WEIGHTS[2] * RATIO * np.cos(RATIO * angle))
     return -(0.5 * inertia_slope * rate**2 + fall) / inertia
 
 
 def solve(times, rtol=RTOL, atol=ATOL):
-    """x and ẋ at the times (s), from rest at x = 1."""
+    """Angle x and rate ẋ at the times (s), from rest at x = 1."""
     solution = solve_ivp(
         lambda _t, y: (y[1], acceleration(y[0], y[1])),
         (0.0, times[-1]),
