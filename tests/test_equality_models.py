@@ -4,7 +4,7 @@ import importlib.util
 
 import numpy as np
 import pytest
-from mechanisms import only, setup_of
+from mechanisms import four_bar, only, setup_of, write_model
 from oarlock import load_case, run
 from oarlock.cases import MODELS
 from oarlock.experiments import Laboratory
@@ -97,3 +97,16 @@ def test_what_the_missing_curvature_costs(name):
     drift, expected = stiff_drift(name, restored=False)
     assert drift == pytest.approx(expected, rel=CURVATURE_SHOWS)
     assert stiff_drift(name, restored=True)[0] <= CURVATURE_RESTORED * drift
+
+
+def test_runs_of_a_model_with_a_row_that_mujoco_drops(tmp_path):
+    """A tendon between two sites of the world: its row is zero, and MuJoCo leaves it out."""
+    rest = """<worldbody><site name="p" pos="1 0 0"/><site name="q" pos="2 0 0"/></worldbody>
+      <tendon><spatial name="still"><site site="p"/><site site="q"/></spatial></tendon>
+      <equality><tendon name="nothing" tendon1="still"/></equality>"""
+    found = run(write_model(tmp_path / "with", four_bar(rest=rest)), mode="all", solver="pinv", duration_s=0.1)
+    plain = run(write_model(tmp_path / "without", four_bar()), mode="all", solver="pinv", duration_s=0.1)
+    names = ["run", "status", "drift_pos_max", "qacc_rel_diff_max", "trajectory_diff_max", "rank_max"]
+    assert [[row[name] for name in names] for row in found.rows] == [
+        [row[name] for name in names] for row in plain.rows
+    ]

@@ -32,6 +32,9 @@ app = typer.Typer(
     add_completion=False,
 )
 
+_WIDE = 1000
+"""Columns of a table that goes to a file or a pipe: enough for every title and source."""
+
 JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE|-", help="Write the summary as JSON; - is standard output."),
@@ -112,7 +115,7 @@ def _print_summary(results: Results) -> None:
     for row in results.rows:
         table.add_row(*(_cell(row[name]) for name in _COLUMNS))
     # Without a terminal a table must not be cut to the width of one.
-    console = Console() if sys.stdout.isatty() else Console(width=200)
+    console = Console() if sys.stdout.isatty() else Console(width=_WIDE)
     console.print(table)
 
 
@@ -134,7 +137,7 @@ def list_models(
         table.add_column(name, no_wrap=True)
     for entry in entries:
         table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else _cell(v) for name in names))
-    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+    (Console() if sys.stdout.isatty() else Console(width=_WIDE)).print(table)
 
 
 @app.command()

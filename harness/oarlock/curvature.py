@@ -37,9 +37,7 @@ class _Connect:
         self._kinematics, self._ends = kinematics, ends
 
     def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        end1, end2 = self._ends
-        bend = self._kinematics.bend
-        np.subtract(bend(data, end1.body, end1.place(data)), bend(data, end2.body, end2.place(data)), out=out)
+        self._kinematics.bend_apart(data, *self._ends, out)
 
 
 class _Weld:

@@ -38,6 +38,7 @@ class Kinematics:
     def __init__(self, model: mujoco.MjModel):
         self._model = model
         self._linear, self._angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        self._linear2 = np.zeros((3, model.nv))
 
     def spin(self, data: mujoco.MjData, body: int) -> np.ndarray:
         """Angular velocity of a body, world axes, (3), rad/s."""
@@ -53,6 +54,13 @@ class Kinematics:
         """J̇v of the body's point at a place, (3), m/s²."""
         mujoco.mj_jacDot(self._model, data, self._linear, None, place, body)
         return self._linear @ data.qvel
+
+    def bend_apart(self, data: mujoco.MjData, end1: Point, end2: Point, out: np.ndarray) -> None:
+        """Writes J̇v of p₁ − p₂, (3), m/s²."""
+        mujoco.mj_jacDot(self._model, data, self._linear, None, end1.place(data), end1.body)
+        mujoco.mj_jacDot(self._model, data, self._linear2, None, end2.place(data), end2.body)
+        # The difference first: a point and one that moves with it leave exactly nothing.
+        np.matmul(self._linear - self._linear2, data.qvel, out=out)
 
     def bends(self, data: mujoco.MjData, body: int, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """J̇v of the body's point at a place, (3), m/s², and of the body's rotation, (3), rad/s²."""
