@@ -50,24 +50,50 @@ TANGLE = """
 <mujoco>
   <default><geom type="capsule" size="0.02" contype="0" conaffinity="0"/></default>
   <worldbody>
+    <site name="w1" pos="0.4 0.1 0.9" quat="1 0.2 0.3 0.1"/><site name="w2" pos="-0.9 -0.5 0.2"/>
     <body name="a">
-      <joint name="ball" type="ball"/><geom fromto="0 0 0 0.3 0.1 0.4"/>
-      <body name="b" pos="0.3 0.1 0.4">
+      <joint name="ball" type="ball"/><geom fromto="0 0 0 0.3 0.1 0.4"/><site name="s0" pos="0 0 0.1"/>
+      <body name="b" pos="0.3 0.1 0.4" quat="1 0.3 0.2 0.1">
         <joint name="skew" axis="1 2 3" pos="0.1 0 0"/><joint name="slide" type="slide" axis="2 -1 1"/>
-        <geom fromto="0 0 0 0.2 -0.3 0.1"/><site name="s1" pos="0.1 -0.2 0.3"/>
+        <geom fromto="0 0 0 0.2 -0.3 0.1"/><site name="s1" pos="0.1 -0.2 0.3" quat="1 0 0.2 0.1"/>
+        <body name="d" pos="0.2 0 0">
+          <joint name="wrist" axis="0 1 1"/><geom fromto="0 0 0 0.2 -0.3 0.1"/><site name="s3" pos="0.2 0.3 0.4"/>
+        </body>
       </body>
     </body>
     <body name="c" pos="0.5 0.5 0.5">
-      <freejoint name="free"/><geom fromto="0 0 0 0.3 0 0"/><site name="s2" pos="-0.1 0.2 0.1"/>
+      <freejoint name="free"/><geom fromto="0 0 0 0.3 0 0"/><site name="s2" pos="-0.1 0.2 0.1" quat="0.3 0.2 1 0"/>
     </body>
   </worldbody>
+  <tendon>
+    <fixed name="mix"><joint joint="skew" coef="0.7"/><joint joint="slide" coef="-1.2"/></fixed>
+    <spatial name="line">
+      <site site="w1"/><site site="s1"/><site site="s0"/><site site="s2"/><site site="w2"/>
+    </spatial>
+    <spatial name="pulleys">
+      <site site="w1"/><site site="s1"/><pulley divisor="2"/><site site="s1"/><site site="s2"/>
+      <pulley divisor="3"/><site site="s0"/><site site="s3"/>
+    </spatial>
+  </tendon>
   <equality>
-    <connect name="bodies" body1="a" body2="c" anchor="0.2 0.3 -0.1"/>
-    <connect name="world" body1="b" anchor="0.1 0.2 0.3"/>
-    <connect name="sites" site1="s1" site2="s2"/>
+    <connect name="connect bodies" body1="a" body2="c" anchor="0.2 0.3 -0.1"/>
+    <connect name="connect world" body1="b" anchor="0.1 0.2 0.3"/>
+    <connect name="connect sites" site1="s1" site2="s2"/>
+    <weld name="weld bodies" body1="a" body2="c" anchor="0.2 0.3 -0.1" relpose="0.1 0.2 0.3 1 0.2 0.1 0.4"
+          torquescale="0.7"/>
+    <weld name="weld as it stands" body1="b" body2="c"/>
+    <weld name="weld world" body1="b" torquescale="2"/>
+    <weld name="weld sites" site1="s1" site2="s2" torquescale="1.5"/>
+    <weld name="weld world site" site1="w1" site2="s2"/>
+    <joint name="angles" joint1="skew" joint2="slide" polycoef="0.1 0.5 0.7 -0.3 0.2"/>
+    <joint name="angle" joint1="wrist" polycoef="0.1 0 0 0 0"/>
+    <tendon name="mix" tendon1="mix"/>
+    <tendon name="line" tendon1="line"/>
+    <tendon name="lines" tendon1="line" tendon2="pulleys" polycoef="0.1 0.5 0.7 -0.3 0.2"/>
+    <tendon name="mix and line" tendon1="mix" tendon2="line" polycoef="0 1 1 0 0"/>
   </equality>
 </mujoco>"""
-"""Ball, hinge, slide and free joints in a tangle of connects of every form; it need not be closed."""
+"""Ball, hinge, slide and free joints in a tangle of equalities of every kind and form; it need not be closed."""
 
 
 def write_model(folder: Path, xml: str, toml: str | None = None) -> Path:

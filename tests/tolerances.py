@@ -8,11 +8,16 @@ PAPER_FORMULA = 1e-8
 REFERENCE_CURVATURE = 1e-9
 """Relative. J̇v recovered from aref cancels the much larger stiffness term, up to 1e4 times the rounding of aref."""
 
-FINITE_DIFFERENCE_STEP = 1e-5
-"""s. Truncation ~ step², rounding ~ 1e-16 / step: the two meet near 1e-5."""
+FINITE_DIFFERENCE_STEP = 1e-4
+"""s. Five-point differences: truncation ~ step⁴, rounding ~ 1e-16 / step; the two meet near 1e-3, and speeds of some
+/s shorten the step that a motion sees."""
 
-FINITE_DIFFERENCE = 1e-7
-"""Relative. Central differences with that step: 1e-10 of the third derivatives, 1e-11 of rounding, times lengths."""
+FINITE_DIFFERENCE = 1e-9
+"""Relative. Five-point differences with that step: 1e-12 of rounding, and truncation ~ 1e-16 times the fifth
+derivatives, which a tendon of some centimetres raises to 1e-10 (measured)."""
+
+SAME_POINT = 1e-14
+"""m. Two ways to one point some metres from the origin: rounding."""
 
 # Starts.
 
@@ -36,6 +41,13 @@ steps: with other steps the tables move by 2.5e-13 at most (measured)."""
 
 TRUTH_TABLE_ACCELERATION = 1e-9
 """Relative to the largest. ``TRUTH_TABLE`` times how fast forces change: the boat's motor makes 1e3 /s² of it."""
+
+TRUTH_REGENERATED_SWINGING = 1e-11
+"""rad, rad/s. The same for a free swing, where nothing holds the phase: a last bit at the start becomes 1e-13 in 8 s,
+and other steps of the solver at its tolerance make 3e-12 of the velocity (both measured)."""
+
+TRUTH_REGENERATED_SWINGING_ACCELERATION = 1e-9
+"""rad/s². The same times the largest stiffness over inertia of the three models, some 40 /s²."""
 
 TRUTH_OTHER_SOLVER = 1e-11
 """rad. Two integrations at 1e-13 relative of a motion of 14.7 rad, by other methods, steps or coordinates."""
@@ -89,6 +101,13 @@ RK4_ORDER_LOW, RK4_ORDER_HIGH = 12.0, 20.0
 
 FROZEN_DRIVE = 1e-7
 """rad. What a drive that is held over a Runge–Kutta step must at least spoil within 0.2 s."""
+
+CURVATURE_SHOWS = 0.03
+"""Relative. A stiff row's deviation against J̇v/(K d), its rest without inertia: it lags by two time constants of 4 ms
+behind a J̇v that changes over 0.2 s and more, and its force adds the softness of 1e-4 (0.0005 and 0.007 measured)."""
+
+CURVATURE_RESTORED = 0.02
+"""Of the deviation. What is left once J̇v is in the question: 1e-4 of softness, 0.001 and 0.007 measured."""
 
 # The method.
 

@@ -156,6 +156,9 @@ def run(
     timestep: Annotated[float | None, typer.Option(metavar="S", help="Timestep in s.")] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Duration in s.")] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the solvers that have one.")] = None,
+    ignore_inequalities: Annotated[
+        bool, typer.Option("--ignore-inequalities", help="Run without the model's contacts, limits and friction.")
+    ] = False,
     stepping: Annotated[str, typer.Option(help="auto or python: the path that steps with our forces.")] = "auto",
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the tables [default: results/MODEL].")
@@ -181,6 +184,7 @@ def run(
             timestep_s=timestep,
             duration_s=duration,
             rtol=rtol,
+            ignore_inequalities=ignore_inequalities,
             out=folder,
             progress=_BarProgress(bar) if console.is_terminal else None,
         )
@@ -188,6 +192,8 @@ def run(
         _emit_json(results.document(), as_json)
     if as_json != "-":
         _print_summary(results)
+    if ignore_inequalities:
+        _say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
     for row in results.rows:
         if row["status"] != "done":
             _say(f"oarlock: run {row['run']} {row['status']}: {_ending(row)}")

@@ -15,6 +15,7 @@ from oarlock.case_file import Form, Integrator, Mode
 from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, RefusedError, one_line
+from oarlock.inequalities import ignore_inequalities
 from oarlock.mechanism import load_mechanism
 from oarlock.metrics import Energy, against_mujoco, drift, largest, solving
 from oarlock.observed import Observed
@@ -49,7 +50,10 @@ class Task:
 
 
 class Setup:
-    """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them."""
+    """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them.
+
+    ``ignored`` says which contacts, limits and friction were switched off, or None where none were to be.
+    """
 
     def __init__(
         self,
@@ -59,8 +63,10 @@ class Setup:
         settings: str,
         timestep_s: float | None,
         duration_s: float,
+        ignoring: bool = False,
     ):
         self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
+        self.ignored = ignore_inequalities(self.model) if ignoring else None
         self.drive = Drive(self.model, case)
         self.start: ConsistentStart = consistent_start(self.model, case)
         self.timestep_s = float(self.model.opt.timestep)
@@ -104,8 +110,11 @@ class Setup:
 class Laboratory:
     """Runs the tasks of one case."""
 
-    def __init__(self, case: Case, timestep_s: float | None, duration_s: float, tick: Tick):
+    def __init__(
+        self, case: Case, timestep_s: float | None, duration_s: float, tick: Tick, *, ignore_inequalities: bool = False
+    ):
         self.case = case
+        self._ignoring = ignore_inequalities
         self._timestep_s, self._duration_s = timestep_s, duration_s
         self._tick = tick
         self._truth = load_truth(case)
@@ -113,7 +122,7 @@ class Laboratory:
 
     def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
         """The case, prepared."""
-        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s)
+        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s, self._ignoring)
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.

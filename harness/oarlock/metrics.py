@@ -69,8 +69,10 @@ class Energy:
 
     def __init__(self, model: mujoco.MjModel):
         self._model = model
-        losses = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
-        damped = any(loss.any() for loss in (*losses, model.dof_frictionloss, model.tendon_frictionloss))
+        rubs = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+        friction = (model.dof_frictionloss, model.tendon_frictionloss) if rubs else ()
+        damping = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
+        damped = any(loss.any() for loss in (*damping, *friction))
         self._conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
 
     def of(self, data: mujoco.MjData) -> dict[str, float]:

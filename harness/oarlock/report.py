@@ -30,6 +30,8 @@ OCCASION = ("commit", "date", "cores", "kernel")
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
 """What a report consists of. A folder that holds anything else is not replaced."""
 
+_NO_CURVATURE = ("joint", "tendon")
+
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("oarlock"),
     trim_blocks=True,
@@ -78,6 +80,17 @@ class Tables:
     def all(self, **where: str) -> list[dict[str, Any]]:
         """Every run that has these values."""
         return [row for row in self.rows if all(row[key] == value for key, value in where.items())]
+
+    @property
+    def unit(self) -> str:
+        """Unit of the loops' deviations."""
+        units = {equality["unit"] for equality in self.case["model"]["equalities"]}
+        return units.pop() if len(units) == 1 else "m or rad"
+
+    @property
+    def without_curvature(self) -> list[str]:
+        """Equalities of the kinds for which MuJoCo's reference acceleration leaves J̇v out."""
+        return [equality["name"] for equality in self.case["model"]["equalities"] if equality["kind"] in _NO_CURVATURE]
 
     def free_runs(self) -> dict[str, dict[str, Any]]:
         """The free runs that figures compare: MuJoCo default, MuJoCo stiff, exact; those there are."""
@@ -130,7 +143,7 @@ def draw(tables: Tables) -> list[Figure]:
         drawn.append(Figure("truth", "Distance from the outside truth.", chart))
     if free:
         equality = tables.case["model"]["equalities"][0]
-        chart = figures.deviations(free, 3, equality["name"])
+        chart = figures.deviations(free, equality["rows"], equality["name"])
         caption = f"Deviations of the constraint rows of '{equality['name']}': how far the loop stands open."
         drawn.append(Figure("deviations", caption, chart))
     iterating = tables.pick(mode="lockstep", form="hard", walker="pinv", solver="sr1")

@@ -42,6 +42,7 @@ class Request:
     timestep_s: float | None = None
     duration_s: float | None = None
     rtol: float | None = None
+    ignore_inequalities: bool = False
 
     @property
     def whole_case(self) -> bool:
@@ -178,6 +179,7 @@ def run(
     timestep_s: float | None = None,
     duration_s: float | None = None,
     rtol: float | None = None,
+    ignore_inequalities: bool = False,
     out: Path | None = None,
     progress: Progress | None = None,
 ) -> Results:
@@ -193,6 +195,8 @@ def run(
         timestep_s: timestep in s.
         duration_s: duration in s.
         rtol: relative tolerance of the solvers that have one.
+        ignore_inequalities: run without the model's contacts, limits and friction, MuJoCo too; the provenance says
+            what was left out. Without it a run in which one becomes active is refused.
         out: folder that keeps the tables; every run is written as soon as it is finished.
         progress: listens.
 
@@ -204,14 +208,21 @@ def run(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
     solvers = (solver,) if isinstance(solver, str) else tuple(solver)
-    request = Request(solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol)
+    request = Request(solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol, ignore_inequalities)
     tasks = plan(case, request)
     progress = progress or Progress()
-    laboratory = Laboratory(case, timestep_s, duration_s or case.file.run.duration_s, progress.advance)
+    laboratory = Laboratory(
+        case,
+        timestep_s,
+        duration_s or case.file.run.duration_s,
+        progress.advance,
+        ignore_inequalities=request.ignore_inequalities,
+    )
     setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)
     progress.begin(setup.steps * sum(_walks(task) for task in tasks))
 
-    results = Results(case, provenance={**inputs(case), **occasion()})
+    ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
+    results = Results(case, provenance={**inputs(case), **ignored, **occasion()})
     results.verdicts += _expectations(case, setup)
     keeper = _Keeper(results, setup, ResultFolder(out) if out else None)
     for task in tasks:

@@ -11,7 +11,8 @@ from oarlock._core import ConstrainedSystem, make_solver
 from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, choose
-from oarlock.mechanism import element_name, equalities, refuse_inequalities
+from oarlock.inequalities import IGNORED, refuse_inequalities
+from oarlock.mechanism import element_name, equalities, jacobian
 from oarlock.reactions import unique_reactions
 
 CLOSED = 1e-12
@@ -68,7 +69,7 @@ def _gap(data: mujoco.MjData) -> float:
 
 
 def _jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    return data.efc_J.reshape(data.nefc, model.nv)[: data.ne]
+    return jacobian(model, data)[: data.ne]
 
 
 class _Projector:
@@ -83,9 +84,9 @@ class _Projector:
 
     def correction(self, model: mujoco.MjModel, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0):
         mujoco.mj_fullM(model, data, self._mass)
-        jacobian = _jacobian(model, data)
+        rows = _jacobian(model, data)
         softness = np.full(len(wanted), damping) if damping else None
-        self._system.assemble(self._mass, jacobian, self._zero, wanted, softness)
+        self._system.assemble(self._mass, rows, self._zero, wanted, softness)
         multipliers, info = self._solver.solve_system(self._system)
         self.rank = info.rank or 0
         return self._system.acceleration(multipliers)[0]
@@ -138,8 +139,7 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
 def _loops_only(model: mujoco.MjModel) -> Iterator[None]:
     """Switches contacts, limits and friction off: on its way to a closed pose the mechanism may pass through them."""
     flags = model.opt.disableflags
-    bits = mujoco.mjtDisableBit
-    model.opt.disableflags |= bits.mjDSBL_CONTACT | bits.mjDSBL_LIMIT | bits.mjDSBL_FRICTIONLOSS
+    model.opt.disableflags |= IGNORED
     try:
         yield
     finally:

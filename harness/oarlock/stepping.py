@@ -11,6 +11,7 @@ import numpy as np
 
 from oarlock.drive import Drive
 from oarlock.errors import InputError
+from oarlock.mechanism import jacobian
 
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
@@ -183,6 +184,6 @@ class MujocoForce:
         model = self.model
         mujoco.mj_fwdConstraint(model, data)
         force = data.efc_force.copy()
-        data.qfrc_constraint[:] = data.efc_J.reshape(data.nefc, model.nv).T @ force
+        data.qfrc_constraint[:] = jacobian(model, data).T @ force
         mujoco.mj_solveM(model, data, self._delta, data.qfrc_constraint[None, :])
         data.qacc[:] = data.qacc_smooth + self._delta[0]

@@ -1,0 +1,112 @@
+"""The models closed by joint, tendon and weld equalities: their truths, and what MuJoCo's missing J̇v costs."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from mechanisms import four_bar, only, setup_of, write_model
+from oarlock import load_case, run
+from oarlock.cases import MODELS
+from oarlock.experiments import Laboratory
+from oarlock.solvers import SolvedForce, SolverSpec
+from oarlock.state import State
+from oarlock.stepping import ForcedWalker
+from oarlock.truth import load_truth
+from tolerances import (
+    CURVATURE_RESTORED,
+    CURVATURE_SHOWS,
+    RK4_ORDER_HIGH,
+    RK4_ORDER_LOW,
+    TRUTH_INTERPOLATION,
+    TRUTH_REGENERATED_SWINGING,
+    TRUTH_REGENERATED_SWINGING_ACCELERATION,
+)
+
+NAMES = ["gear_train", "cable_loop", "welded_frame"]
+
+
+@pytest.fixture(params=NAMES)
+def name(request) -> str:
+    return request.param
+
+
+@pytest.fixture
+def reference(name):
+    spec = importlib.util.spec_from_file_location(f"{name}_reference", MODELS / name / "reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_table_is_what_its_script_makes(name, reference):
+    table = np.loadtxt(MODELS / name / "reference.csv", delimiter=",", skiprows=2)
+    times = table[:, 0]
+    assert times[-1] == reference.DURATION == load_case(name).file.run.duration_s
+    position, velocity = reference.solve(times)
+    assert np.abs(table[:, 1] - position).max() <= TRUTH_REGENERATED_SWINGING
+    assert np.abs(table[:, 2] - velocity).max() <= TRUTH_REGENERATED_SWINGING
+    gap = np.abs(table[:, 3] - reference.acceleration(position, velocity)).max()
+    assert gap <= TRUTH_REGENERATED_SWINGING_ACCELERATION
+
+
+def test_interpolation(name, reference):
+    """Between the rows of the first second, which has a whole swing of each."""
+    truth = load_truth(load_case(name))
+    assert truth is not None
+    times = np.arange(0.0, 1.0, reference.INTERVAL / 4)
+    assert np.abs(truth.position(times) - reference.solve(times)[0]).max() <= TRUTH_INTERPOLATION
+
+
+def test_start_is_exactly_the_cases(name):
+    assert setup_of(load_case(name)).start.moved == 0.0
+
+
+def test_the_exact_run_comes_to_the_truth_with_the_order_of_the_integrator(name):
+    """Any difference of mass, geometry or J̇v from the reference's would stay when the step shrinks."""
+    errors = []
+    for timestep in (2e-3, 1e-3):
+        results = run(name, mode="free", form="hard", solver="pinv", timestep_s=timestep, duration_s=1.0)
+        errors.append(only(results.rows, mode="free")["truth_error_max"])
+    assert RK4_ORDER_LOW <= errors[0] / errors[1] <= RK4_ORDER_HIGH
+
+
+def stiff_drift(name, restored):
+    """Largest deviation in 1 s of MuJoCo's stiff question, as it is or with the J̇v that it leaves out; and J̇v/(K d)."""
+    case = load_case(name)
+    setup = Laboratory(case, None, 1.0, lambda steps: None).setup("rk4", "stiff")
+    data = setup.data()
+    state = State(setup.model, data, case.file.baumgarte)
+    if restored:
+        state.question = lambda form: (data.efc_aref - state.curvature, data.efc_R)
+    force = SolvedForce(state, "matched", SolverSpec("pinv").make())
+    walker = ForcedWalker(setup.model, data, setup.drive, force)
+    drift = expected = 0.0
+    for _ in range(setup.steps):
+        walker.look()
+        drift = max(drift, np.abs(data.efc_pos).max())
+        stiffness, _, impedance, _ = data.efc_KBIP[: data.ne].T
+        expected = max(expected, np.abs(state.curvature / (stiffness * impedance)).max())
+        walker.step()
+    return drift, expected
+
+
+@pytest.mark.parametrize("name", ["gear_train", "cable_loop"])
+def test_what_the_missing_curvature_costs(name):
+    drift, expected = stiff_drift(name, restored=False)
+    assert drift == pytest.approx(expected, rel=CURVATURE_SHOWS)
+    assert stiff_drift(name, restored=True)[0] <= CURVATURE_RESTORED * drift
+
+
+def test_runs_of_a_model_with_a_row_that_mujoco_drops(tmp_path):
+    """A tendon between two sites of the world: its row is zero, and MuJoCo leaves it out."""
+    rest = """<worldbody><site name="p" pos="1 0 0"/><site name="q" pos="2 0 0"/></worldbody>
+      <tendon><spatial name="still"><site site="p"/><site site="q"/></spatial></tendon>
+      <equality><tendon name="nothing" tendon1="still"/></equality>"""
+    found = run(write_model(tmp_path / "with", four_bar(rest=rest)), mode="all", solver="pinv", duration_s=0.1)
+    plain = run(write_model(tmp_path / "without", four_bar()), mode="all", solver="pinv", duration_s=0.1)
+    names = ["run", "status", "drift_pos_max", "qacc_rel_diff_max", "trajectory_diff_max", "rank_max"]
+    assert [[row[name] for name in names] for row in found.rows] == [
+        [row[name] for name in names] for row in plain.rows
+    ]
