@@ -10,7 +10,7 @@ import polars as pl
 
 from oarlock import _core
 from oarlock.aggregate import Verdict, judge, summarise
-from oarlock.cases import Case, Experiment, Form, Gate, Integrator, Mode, load_case
+from oarlock.cases import Case, Experiment, Form, Gate, Integrator, Mode, Stabilisation, load_case
 from oarlock.errors import InputError, choose
 from oarlock.experiments import Laboratory, Setup, Task
 from oarlock.mechanism import coordinates, equalities
@@ -40,11 +40,12 @@ class Request:
     timestep_s: float | None = None
     duration_s: float | None = None
     rtol: float | None = None
+    stabilisation: str | None = None
 
     @property
     def whole_case(self) -> bool:
         """Whether the case's own experiments are asked for."""
-        return not (self.solvers or self.form or self.mode or self.walker or self.integrator)
+        return not (self.solvers or self.form or self.mode or self.walker or self.integrator or self.stabilisation)
 
 
 @dataclass
@@ -102,7 +103,7 @@ def plan(case: Case, request: Request) -> list[Task]:
     """The tasks of a request, the calibration of every integrator in use first.
 
     Raises:
-        InputError: an unknown solver, option, form, mode, walker or integrator.
+        InputError: an unknown solver, option, form, mode, walker, integrator or stabilisation.
     """
     valid = get_args(Integrator)
     if request.whole_case:
@@ -112,6 +113,8 @@ def plan(case: Case, request: Request) -> list[Task]:
         forms = FORMS[choose("form", request.form or "both", list(FORMS))]
         if request.integrator:
             choose("integrator", request.integrator, valid)
+        if request.stabilisation:
+            choose("stabilisation", request.stabilisation, get_args(Stabilisation))
         experiments = [
             Experiment.model_validate(
                 {
@@ -120,6 +123,7 @@ def plan(case: Case, request: Request) -> list[Task]:
                     "forms": forms,
                     "solvers": list(request.solvers) or ["pinv", "sr1"],
                     "integrators": [request.integrator] if request.integrator else None,
+                    "stabilisation": request.stabilisation,
                 }
             )
             for mode in ("calibration", *modes)
@@ -141,7 +145,9 @@ def plan(case: Case, request: Request) -> list[Task]:
                 case.file.setting(settings)
                 walker = SolverSpec.parse(experiment.walker).with_defaults(rtol=request.rtol)
                 forms = tuple(experiment.forms)
-                tasks.append(Task(experiment.mode, walker, forms, tuple(solvers), integrator, settings))
+                stabilisation = experiment.stabilisation or case.file.run.stabilisation
+                task = Task(experiment.mode, walker, forms, tuple(solvers), integrator, settings, stabilisation)
+                tasks.append(task)
     return tasks
 
 
@@ -176,6 +182,7 @@ def run(
     timestep_s: float | None = None,
     duration_s: float | None = None,
     rtol: float | None = None,
+    stabilisation: str | None = None,
     out: Path | None = None,
     progress: Progress | None = None,
 ) -> Results:
@@ -191,6 +198,7 @@ def run(
         timestep_s: timestep in s.
         duration_s: duration in s.
         rtol: relative tolerance of the solvers that have one.
+        stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``.
         out: folder that keeps the tables; every run is written as soon as it is finished.
         progress: listens.
 
@@ -202,7 +210,7 @@ def run(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
     solvers = (solver,) if isinstance(solver, str) else tuple(solver)
-    request = Request(solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol)
+    request = Request(solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol, stabilisation)
     tasks = plan(case, request)
     progress = progress or Progress()
     laboratory = Laboratory(case, timestep_s, duration_s or case.file.run.duration_s, progress.advance)
