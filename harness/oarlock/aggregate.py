@@ -34,8 +34,8 @@ def _ratio(steps: pl.DataFrame, column: str, over: str) -> float | None:
 def summarise(result: RunResult) -> dict[str, Any]:
     """The summary row of a run. A figure that does not apply is None.
 
-    iterations_mean and projection_iterations_mean are over solves (RK4 makes four a step); refreshes leave out the first
-    solve of each fold, which has to start from something, and refolds count the folds after the first; unprojected
+    iterations_mean and projection_iterations_mean are over solves (RK4 makes four a step); refreshes leave out the
+    first solve of each fold, which has to start from something, and refolds count the folds after it; unprojected
     counts the steps whose projection did not land; energy_drift_rel is relative to the largest kinetic energy.
     """
     steps, key = result.steps, result.key

@@ -25,8 +25,9 @@ MAX_ROUNDS = 5
 LANDED = 1000.0
 """A row counts as closed up to so many roundings: what long mechanisms accumulate on the way along a loop."""
 
-SMALLEST_TRUST = 1e-6
-"""rad or m. What a mechanism at rest may be moved: more than rounding at a nearly singular pose, less than one sees."""
+TRUST_MIN, TRUST_MAX = 1e-6, 0.1
+"""rad or m. A mechanism at rest may still be moved: more than rounding makes of a nearly singular pose, less than one
+sees. One that races must not be moved by more than keeps it near its pose."""
 
 _EPSILON = float(np.finfo(float).eps)
 
@@ -39,7 +40,7 @@ class Projection:
 
     Attributes:
         status: ``landed``: every row is closed to rounding; ``open``: the rows no longer fell before that;
-            ``too-far``: closing them takes more than the trust length, and the positions were left as they were.
+            ``too-far``: closing them takes more than the trust length, and the state was left as it was.
         rounds: corrections of the positions.
         solves: solves, those for the velocities among them.
         iterations: their iterations, in the solver's own count.
@@ -103,18 +104,18 @@ class Projector:
 
         Args:
             data: a state with finite positions and velocities.
-            trust: longest change of a coordinate, rad or m, that still is a correction and not another pose; at
-                least ``SMALLEST_TRUST`` is allowed.
+            trust: longest change of a coordinate, rad or m, that still is a correction and not another pose; taken
+                between ``TRUST_MIN`` and ``TRUST_MAX``.
         """
         self._solves = self._iterations = 0
-        status, rounds, moved = self._positions(data, max(trust, SMALLEST_TRUST))
-        self._velocities(data)
+        status, rounds, moved = self._positions(data, min(max(trust, TRUST_MIN), TRUST_MAX))
+        if status != "too-far":
+            self._velocities(data)
         self.last = Projection(status, rounds, self._solves, self._iterations, moved)
         return self.last
 
     def _positions(self, data: mujoco.MjData, trust: float) -> tuple[Status, int, float]:
         model, given, total = self.model, data.qpos.copy(), np.zeros(self.model.nv)
-        status: Status = "landed"
         rounds = 0
         mujoco.mj_fwdPosition(model, data)
         error = gap(data)
@@ -132,8 +133,7 @@ class Projector:
                 break
             error, rounds = after, rounds + 1
             total += step
-        if error > LANDED * self._rounding:
-            status = "open"
+        status: Status = "landed" if error <= LANDED * self._rounding else "open"
         return status, rounds, float(np.abs(total).max(initial=0.0))
 
     def _place(self, data: mujoco.MjData, qpos: np.ndarray) -> None:

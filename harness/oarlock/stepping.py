@@ -111,7 +111,7 @@ class ForcedWalker:
     def step(self) -> None:
         """MuJoCo's Euler or implicit step, or the classical Runge–Kutta step of order four; then the projection.
 
-        A projection may move the state as far as the step itself did: what is longer is another pose.
+        A projection may move the state about as far as the step itself did; more is refused, and noted in its status.
         """
         fastest = np.abs(self.data.qvel).max()
         self._integrate()
