@@ -77,6 +77,27 @@ RK4_ORDER_LOW, RK4_ORDER_HIGH = 12.0, 20.0
 FROZEN_DRIVE = 1e-7
 """rad. What a drive that is held over a Runge–Kutta step must at least spoil within 0.2 s."""
 
+# Projection.
+
+PROJECTED = 1e-14
+"""m or rad, and per s. Rounding of rows of lengths of up to 8 m: 1.8e-15 on the boat (measured)."""
+
+M_ORTHOGONAL = 1e-9
+"""Relative. The first solve of sr1-tracked is an eigendecomposition: rounding times the condition of A on its range."""
+
+NEARLY_REDUNDANT = 1e-3
+"""Relative singular value of J. A redundant row that is 1e-4 m open gets about 1e-4, the smallest true one is 0.3."""
+
+STRAIGHT_WAY = 1e-9
+"""rad. What rounding, magnified by a nearly singular pose, may put between two parallel bars: 2e-13 measured."""
+
+SINGULAR_ENERGY = 1e-8
+"""Relative. Runge–Kutta at 2 ms over three seconds of a parallelogram: 6e-11 (measured)."""
+
+SINGULAR_ENERGY_LOST = 1e-6
+"""Relative. What Baumgarte's terms at least make of it: 7e-4 (pinv) and 0.27 (sr1-tracked) measured, and how much hangs
+on the last bit."""
+
 # The method.
 
 MIN_NORM_LOW, MIN_NORM_HIGH = 1.7, 2.0

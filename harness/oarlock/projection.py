@@ -23,7 +23,8 @@ MAX_ROUNDS = 5
 """Newton's rounds square the gap: from a gap that is worth projecting, three reach rounding."""
 
 LANDED = 1000.0
-"""A row counts as closed up to so many roundings: what long mechanisms accumulate on the way along a loop."""
+"""A row counts as closed up to so many roundings: what long chains and large angles accumulate. Projection does not
+stop there, but where rows no longer fall."""
 
 TRUST_MIN, TRUST_MAX = 1e-6, 0.1
 """rad or m. A mechanism at rest may still be moved: more than rounding makes of a nearly singular pose, less than one
@@ -81,7 +82,8 @@ class Projector:
         self._solver = solver.with_defaults(rank_cut=rank_cut).make()
         self._mass = np.zeros((model.nv, model.nv))
         self._zero = np.zeros(model.nv)
-        self._rounding = _EPSILON * float(model.stat.extent + np.abs(model.stat.center).max())
+        # A row is the difference of two positions, and each is rounded.
+        self._rounding = 2.0 * _EPSILON * float(model.stat.extent + np.abs(model.stat.center).max())
         self._solves = self._iterations = 0
 
     def correction(self, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0) -> np.ndarray:
