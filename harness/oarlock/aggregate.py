@@ -27,8 +27,8 @@ def _maximum(steps: pl.DataFrame, column: str) -> float | None:
 
 
 def _ratio(steps: pl.DataFrame, column: str, over: str) -> float | None:
-    total = steps[over].sum()
-    return steps[column].sum() / total if total else None
+    total = int(steps[over].sum())
+    return int(steps[column].sum()) / total if total else None
 
 
 def summarise(result: RunResult) -> dict[str, Any]:

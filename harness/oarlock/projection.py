@@ -3,7 +3,8 @@
 Of all changes that close the rows the nearest in the metric of M is taken, δ = −M⁻¹ Jᵀ A⁺ r with A = J M⁻¹ Jᵀ. It has
 no part along the motions that the rows admit; redundant rows and rows that contradict one another are met in the sense
 of least squares. Positions take Newton rounds, for r is not linear in q; J v is linear in v, and repeating only removes
-what a solver's tolerance left. A velocity projected like this never gains kinetic energy.
+what a solver's tolerance left. A velocity projected like this never gains kinetic energy. (Eich 1993, Convergence
+results for a coordinate projection method applied to mechanical systems with algebraic constraints.)
 """
 
 from dataclasses import dataclass
