@@ -46,6 +46,28 @@ def four_bar(*, joint: str = "", rocker: str = "", pivot: str = "0.7 0 0", body:
 </mujoco>"""
 
 
+def parallelogram() -> str:
+    """A planar four-bar of two equal pairs of bars: lying flat, twice a turn, its rows are of rank 1 instead of 2."""
+    return """
+<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <default><joint axis="0 1 0"/><geom type="capsule" size="0.02" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="crank">
+      <joint name="crank"/><geom fromto="0 0 0 0 0 0.5"/>
+      <body name="coupler" pos="0 0 0.5">
+        <joint name="coupler"/><geom fromto="0 0 0 1 0 0"/><site name="tip1" pos="1 0 0"/>
+      </body>
+    </body>
+    <body name="rocker" pos="1 0 0">
+      <joint name="rocker"/><geom fromto="0 0 0 0 0 0.5"/><site name="tip2" pos="0 0 0.5"/>
+    </body>
+  </worldbody>
+  <equality><connect name="pin" site1="tip1" site2="tip2"/></equality>
+</mujoco>"""
+
+
 TANGLE = """
 <mujoco>
   <default><geom type="capsule" size="0.02" contype="0" conaffinity="0"/></default>

@@ -40,6 +40,7 @@ def complaint(tmp_path, toml):
         ("[run]\nduration_s = 0", "run.duration_s", "0", "greater than 0"),
         ("[run]\nduration_s = nan", "run.duration_s", "nan", "finite"),
         ("[run]\ntimestep_s = inf", "run.timestep_s", "inf", "finite"),
+        ("[run]\nstabilisation = 'glue'", "run.stabilisation", "'glue'", "'baumgarte', 'projection' or 'both'"),
         ("[run]\nintegrator = 'rk5'", "run.integrator", "'rk5'", "'euler', 'implicit', 'implicitfast' or 'rk4'"),
         ("rank_cut = 2", "rank_cut", "2", "less than 1"),
         ("baumgarte.k = -1", "baumgarte.k", "-1", "greater than or equal to 0"),

@@ -112,6 +112,18 @@ def test_numbers_are_those_of_the_tables(boat_run, boat_report):
             assert line[6:8] == [number(row["min_norm_error_max"]), number(row["min_norm_error_median"])]
 
 
+def test_projected_runs_say_what_they_took(boat_run, boat_report):
+    text = plain((boat_report / "README.md").read_text(encoding="utf-8"))
+    rows = [row for row in boat_run.rows if row["mode"] == "free" and row["stabilisation"] == "projection"]
+    assert {row["integrator"] for row in rows} == {"euler", "rk4"}
+    for row in rows:
+        (line,) = [line for line in text.splitlines() if line.startswith(f"{row['run']}: ")]
+        assert f"{number(row['projection_rounds_mean'])} rounds" in line
+        assert f"0 of {number(row['steps_done'])} steps not brought onto the constraints" in line
+    front = text.partition("\n## ")[0]
+    assert f"stand open by at most {number(max(row['drift_pos_max'] for row in rows), 'm')}" in front
+
+
 def test_all_gates_appear(boat_run, boat_report):
     text = (boat_report / "README.md").read_text(encoding="utf-8")
     gates = boat_run.document["gates"]

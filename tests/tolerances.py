@@ -109,6 +109,27 @@ behind a J̇v that changes over 0.2 s and more, and its force adds the softness 
 CURVATURE_RESTORED = 0.02
 """Of the deviation. What is left once J̇v is in the question: 1e-4 of softness, 0.001 and 0.007 measured."""
 
+# Projection.
+
+PROJECTED = 1e-14
+"""m or rad, and per s. Two roundings of a model of 8 m, where the projection stops: 3.6e-15 on the boat (measured)."""
+
+M_ORTHOGONAL = 1e-9
+"""Relative. The first solve of sr1-tracked is an eigendecomposition: rounding times the condition of A on its range."""
+
+NEARLY_REDUNDANT = 1e-3
+"""Relative singular value of J. A redundant row that is 1e-4 m open gets about 1e-4, the smallest true one is 0.3."""
+
+STRAIGHT_WAY = 1e-9
+"""rad. What rounding, magnified by a nearly singular pose, may put between two parallel bars: 2e-13 measured."""
+
+SINGULAR_ENERGY = 1e-8
+"""Relative. Runge–Kutta at 2 ms over three seconds of a parallelogram: 6e-11 (measured)."""
+
+SINGULAR_ENERGY_LOST = 1e-6
+"""Relative. What Baumgarte's terms at least make of it: 7e-4 (pinv) and 0.27 (sr1-tracked) measured, and how much hangs
+on the last bit."""
+
 # The method.
 
 MIN_NORM_LOW, MIN_NORM_HIGH = 1.7, 2.0

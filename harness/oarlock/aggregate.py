@@ -27,12 +27,17 @@ def _maximum(steps: pl.DataFrame, column: str) -> float | None:
     return _number(steps[column].max())
 
 
+def _ratio(steps: pl.DataFrame, column: str, over: str) -> float | None:
+    total = int(steps[over].sum())
+    return int(steps[column].sum()) / total if total else None
+
+
 def summarise(result: RunResult) -> dict[str, Any]:
     """The summary row of a run. A figure that does not apply is None.
 
-    iterations_mean is over solves (RK4 makes four a step); refreshes leave out the first solve of each fold, which has
-    to start from something, and refolds count the folds after the first; energy_drift_rel is relative to the largest
-    kinetic energy.
+    iterations_mean and projection_iterations_mean are over solves (RK4 makes four a step); refreshes leave out the
+    first solve of each fold, which has to start from something, and refolds count the folds after it; unprojected
+    counts the steps whose projection did not land; energy_drift_rel is relative to the largest kinetic energy.
     """
     steps, key = result.steps, result.key
     row: dict[str, Any] = {"run": key.slug, **asdict(key)}
@@ -46,6 +51,7 @@ def summarise(result: RunResult) -> dict[str, Any]:
     if kinetic:
         energy = steps["energy"].to_numpy()
         energy_drift = float(np.abs(energy - energy[0]).max() / steps["kinetic_energy"].to_numpy().max())
+    landings = steps["projection"].drop_nulls()
     solve_ns = steps.select(pl.col("solve_ns") / pl.col("solves")).to_series().median()
     row.update(
         status=result.status,
@@ -68,6 +74,11 @@ def summarise(result: RunResult) -> dict[str, Any]:
         drift_pos_max=_maximum(steps, "drift_pos"),
         drift_vel_max=_maximum(steps, "drift_vel"),
         drift_acc_max=_maximum(steps, "drift_acc"),
+        unprojected=int((landings != "landed").sum()) if len(landings) else None,
+        projection_rounds_mean=_number(steps["projection_rounds"].mean()),
+        projection_rounds_max=steps["projection_rounds"].max(),
+        projection_iterations_mean=_ratio(steps, "projection_iterations", "projection_solves"),
+        projection_moved_max=_maximum(steps, "projection_moved"),
         energy_drift_rel=_number(energy_drift),
         truth_error_max=_maximum(steps, "truth_error"),
         published_position_error_max=_maximum(steps, "published_position_error"),

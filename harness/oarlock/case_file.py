@@ -17,6 +17,7 @@ from oarlock.options import Number
 Integrator = Literal["euler", "implicit", "implicitfast", "rk4"]
 Form = Literal["matched", "hard"]
 Mode = Literal["calibration", "lockstep", "one-step", "free"]
+Stabilisation = Literal["baumgarte", "projection", "both"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
@@ -31,11 +32,16 @@ class _Table(BaseModel):
 
 
 class RunDefaults(_Table):
-    """How long, how fine, with which integrator."""
+    """How long, how fine, with which integrator, and how exact constraints are kept from drifting.
+
+    ``stabilisation``: ``baumgarte`` (terms in the accelerations), ``projection`` (no such terms; positions and
+    velocities are projected after every step) or ``both``.
+    """
 
     duration_s: Positive = 10.0
     timestep_s: Positive | None = None  # None: the model's own
     integrator: Integrator = "rk4"
+    stabilisation: Stabilisation = "baumgarte"
 
 
 class Start(_Table):
@@ -126,7 +132,7 @@ def _count(key: str, expression: str, parameters: dict[str, Number]) -> int:
 
 
 class Baumgarte(_Table):
-    """The hard form asks for J a = −J̇v − 2β Jv − k r. β in 1/s, k in 1/s²."""
+    """The hard form asks for J a = −J̇v − 2β Jv − k r, unless only projection stabilises it. β in 1/s, k in 1/s²."""
 
     beta: NonNegative = 0.0
     k: NonNegative = 0.0
@@ -212,6 +218,7 @@ class Experiment(_Table):
     forms: list[Form] = ["hard"]
     solvers: list[str] = ["pinv"]
     integrators: list[Integrator] | None = None  # None: the case's
+    stabilisation: Stabilisation | None = None  # None: the case's
     settings: list[str] = ["default"]
 
 

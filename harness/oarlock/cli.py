@@ -88,6 +88,8 @@ class _BarProgress(Progress):
 
 
 def _ending(row: dict[str, Any]) -> str:
+    if row["status"] == "unprojected":
+        return f"{row['unprojected']} of {row['steps_done']} projections did not reach the constraints"
     return row["message"] or f"{row['unconverged']} of {row['solves']} solves did not converge"
 
 
@@ -153,6 +155,9 @@ def run(
     mode: Annotated[str | None, typer.Option(help="lockstep, one-step, free or all.")] = None,
     walker: Annotated[str | None, typer.Option(help="Who walks in lockstep: mujoco or a solver.")] = None,
     integrator: Annotated[str | None, typer.Option(help="euler, implicit, implicitfast or rk4.")] = None,
+    stabilisation: Annotated[
+        str | None, typer.Option(help="What holds exact constraints: baumgarte, projection or both.")
+    ] = None,
     timestep: Annotated[float | None, typer.Option(metavar="S", help="Timestep in s.")] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Duration in s.")] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the solvers that have one.")] = None,
@@ -184,6 +189,7 @@ def run(
             timestep_s=timestep,
             duration_s=duration,
             rtol=rtol,
+            stabilisation=stabilisation,
             ignore_inequalities=ignore_inequalities,
             out=folder,
             progress=_BarProgress(bar) if console.is_terminal else None,

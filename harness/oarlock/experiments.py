@@ -11,14 +11,15 @@ import mujoco
 import numpy as np
 import polars as pl
 
-from oarlock.case_file import Form, Integrator, Mode
+from oarlock.case_file import Baumgarte, Form, Integrator, Mode, Stabilisation
 from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, RefusedError, one_line
 from oarlock.inequalities import ignore_inequalities
 from oarlock.mechanism import load_mechanism
-from oarlock.metrics import Energy, against_mujoco, drift, largest, solving
+from oarlock.metrics import Energy, against_mujoco, drift, largest, projecting, solving
 from oarlock.observed import Observed
+from oarlock.projection import Projector
 from oarlock.published import PublishedValues
 from oarlock.results import Recorder, RunKey, RunResult
 from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
@@ -47,6 +48,7 @@ class Task:
     solvers: tuple[SolverSpec, ...]
     integrator: Integrator
     settings: str
+    stabilisation: Stabilisation = "baumgarte"
 
 
 class Setup:
@@ -166,12 +168,14 @@ class Laboratory:
     def _lockstep(self, task: Task, setup: Setup) -> Iterator[RunResult]:
         """One engine walks; at each of its states every solver answers the same question, and MuJoCo its own."""
         data = setup.data()
-        state = State(setup.model, data, self.case.file.baumgarte)
+        state = self._state(task, setup, data)
+        projector = None
         if task.walker.name == MUJOCO:
             walker: Walker = MujocoWalker(setup.model, data)
         else:
             force = SolvedForce(state, "hard", self._make(task.walker))
-            walker = ForcedWalker(setup.model, data, setup.drive, force)
+            projector = self._projector(task, setup, "hard")
+            walker = ForcedWalker(setup.model, data, setup.drive, force, projector)
         questions = [(Question(state, form), self._make(SolverSpec(REFERENCE))) for form in task.forms]
         solvers = {(form, spec): self._make(spec) for form in task.forms for spec in task.solvers}
         recorders = {key: Recorder() for key in solvers}
@@ -195,7 +199,7 @@ class Laboratory:
 
             def finish(step_us: float) -> None:
                 for recorder, figures in rows:
-                    recorder.append(**figures, step_us=step_us)
+                    recorder.append(**figures, **projecting(projector), step_us=step_us)
 
             return finish
 
@@ -204,9 +208,12 @@ class Laboratory:
             yield self._result(task, setup, str(spec), form, recorder, message)
 
     def _one_step(self, task: Task, setup: Setup) -> Iterator[RunResult]:
-        """From each of MuJoCo's states, one step each: what a single step adds to the difference."""
+        """From each of MuJoCo's states, one step each: what a single step adds to the difference.
+
+        Never projected: from MuJoCo's states, which are open, the way to the manifold would drown what a step adds.
+        """
         data, ours = setup.data(), setup.data()
-        state = State(setup.model, ours, self.case.file.baumgarte)
+        state = self._state(task, setup, ours)
         recorders: dict[tuple[Form, SolverSpec], Recorder] = {
             (form, spec): Recorder() for form in task.forms for spec in task.solvers
         }
@@ -247,7 +254,7 @@ class Laboratory:
 
     def _free_mujoco(self, task: Task, setup: Setup) -> RunResult:
         data = setup.data()
-        state = State(setup.model, data, self.case.file.baumgarte)
+        state = self._state(task, setup, data)
         walker = MujocoWalker(setup.model, data)
         energy = Energy(setup.model)
         recorder = Recorder()
@@ -274,9 +281,10 @@ class Laboratory:
     def _free_solved(self, task: Task, setup: Setup, form: Form, spec: SolverSpec) -> RunResult:
         theirs = self._mujoco_trajectory(setup, task)
         data = setup.data()
-        state = State(setup.model, data, self.case.file.baumgarte)
+        state = self._state(task, setup, data)
         force = SolvedForce(state, form, self._make(spec))
-        walker = ForcedWalker(setup.model, data, setup.drive, force)
+        projector = self._projector(task, setup, form)
+        walker = ForcedWalker(setup.model, data, setup.drive, force, projector)
         reference_solver = self._make(SolverSpec(REFERENCE))
         energy = Energy(setup.model)
         recorder = Recorder()
@@ -292,7 +300,8 @@ class Laboratory:
             reference = force.question.answer(reference_solver)
 
             def finish(step_us: float) -> None:
-                recorder.append(**figures, **solving(force.answers, reference), step_us=step_us)
+                solves = solving(force.answers, reference)
+                recorder.append(**figures, **solves, **projecting(projector), step_us=step_us)
                 force.answers.clear()
 
             return finish
@@ -304,6 +313,14 @@ class Laboratory:
 
     def _make(self, spec: SolverSpec):
         return spec.with_defaults(rank_cut=self.case.file.rank_cut).make()
+
+    def _state(self, task: Task, setup: Setup, data: mujoco.MjData) -> State:
+        terms = Baumgarte() if task.stabilisation == "projection" else self.case.file.baumgarte
+        return State(setup.model, data, terms)
+
+    def _projector(self, task: Task, setup: Setup, form: Form) -> Projector | None:
+        projects = form == "hard" and task.stabilisation != "baumgarte"
+        return Projector(setup.model, self.case.file.rank_cut) if projects else None
 
     def _walk(self, setup: Setup, walker: Walker, record: Callable[[int], Finish]) -> str:
         """Walks all steps, recording each as it is taken; gives what ended the run early, or nothing."""
@@ -361,6 +378,7 @@ class Laboratory:
         }
 
     def _result(self, task: Task, setup: Setup, solver: str, form, recorder: Recorder, message: str) -> RunResult:
+        exact = form == "hard" or (task.mode == "lockstep" and task.walker.name != MUJOCO)
         key = RunKey(
             case=self.case.name,
             mode=task.mode,
@@ -372,8 +390,10 @@ class Laboratory:
             stepping="mujoco" if (task.mode, solver) == ("free", MUJOCO) else STEPPING,
             timestep_s=setup.timestep_s,
             steps=setup.steps,
+            stabilisation=task.stabilisation if exact else None,
         )
         steps = recorder.frame()
         unconverged = steps["unconverged"].sum() or 0
-        status = "diverged" if message else "unconverged" if unconverged else "done"
+        unprojected = (steps["projection"] != "landed").sum() or 0
+        status = "diverged" if message else "unconverged" if unconverged else "unprojected" if unprojected else "done"
         return RunResult(key, status, message, steps)

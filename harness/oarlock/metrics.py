@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from oarlock.projection import Projector
 from oarlock.solvers import Answer
 from oarlock.state import State
 
@@ -53,6 +54,20 @@ def solving(answers: list[Answer], reference: Answer | None) -> dict[str, object
         "rank": known.rank,
         "inconsistency": known.inconsistency,
         "min_norm_error": relative_difference(first.multipliers, reference.multipliers) if reference else None,
+    }
+
+
+def projecting(projector: Projector | None) -> dict[str, object]:
+    """What the projection at the end of the step took; nothing if there is none."""
+    if projector is None or projector.last is None:
+        return {}
+    last = projector.last
+    return {
+        "projection": last.status,
+        "projection_rounds": last.rounds,
+        "projection_solves": last.solves,
+        "projection_iterations": last.iterations,
+        "projection_moved": last.moved,
     }
 
 

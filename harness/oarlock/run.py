@@ -10,7 +10,7 @@ import polars as pl
 
 from oarlock import _core
 from oarlock.aggregate import Verdict, judge, summarise
-from oarlock.case_file import Experiment, Form, Gate, Integrator, Mode
+from oarlock.case_file import Experiment, Form, Gate, Integrator, Mode, Stabilisation
 from oarlock.cases import Case, load_case
 from oarlock.errors import InputError, choose
 from oarlock.experiments import Laboratory, Setup, Task
@@ -42,12 +42,13 @@ class Request:
     timestep_s: float | None = None
     duration_s: float | None = None
     rtol: float | None = None
+    stabilisation: str | None = None
     ignore_inequalities: bool = False
 
     @property
     def whole_case(self) -> bool:
         """Whether the case's own experiments are asked for."""
-        return not (self.solvers or self.form or self.mode or self.walker or self.integrator)
+        return not (self.solvers or self.form or self.mode or self.walker or self.integrator or self.stabilisation)
 
 
 @dataclass
@@ -105,7 +106,7 @@ def plan(case: Case, request: Request) -> list[Task]:
     """The tasks of a request, the calibration of every integrator in use first.
 
     Raises:
-        InputError: an unknown solver, option, form, mode, walker or integrator.
+        InputError: an unknown solver, option, form, mode, walker, integrator or stabilisation.
     """
     valid = get_args(Integrator)
     if request.whole_case:
@@ -115,6 +116,8 @@ def plan(case: Case, request: Request) -> list[Task]:
         forms = FORMS[choose("form", request.form or "both", list(FORMS))]
         if request.integrator:
             choose("integrator", request.integrator, valid)
+        if request.stabilisation:
+            choose("stabilisation", request.stabilisation, get_args(Stabilisation))
         experiments = [
             Experiment.model_validate(
                 {
@@ -123,6 +126,7 @@ def plan(case: Case, request: Request) -> list[Task]:
                     "forms": forms,
                     "solvers": list(request.solvers) or ["pinv", "sr1"],
                     "integrators": [request.integrator] if request.integrator else None,
+                    "stabilisation": request.stabilisation,
                 }
             )
             for mode in ("calibration", *modes)
@@ -144,7 +148,9 @@ def plan(case: Case, request: Request) -> list[Task]:
                 case.file.setting(settings)
                 walker = SolverSpec.parse(experiment.walker).with_defaults(rtol=request.rtol)
                 forms = tuple(experiment.forms)
-                tasks.append(Task(experiment.mode, walker, forms, tuple(solvers), integrator, settings))
+                stabilisation = experiment.stabilisation or case.file.run.stabilisation
+                task = Task(experiment.mode, walker, forms, tuple(solvers), integrator, settings, stabilisation)
+                tasks.append(task)
     return tasks
 
 
@@ -179,6 +185,7 @@ def run(
     timestep_s: float | None = None,
     duration_s: float | None = None,
     rtol: float | None = None,
+    stabilisation: str | None = None,
     ignore_inequalities: bool = False,
     out: Path | None = None,
     progress: Progress | None = None,
@@ -195,6 +202,7 @@ def run(
         timestep_s: timestep in s.
         duration_s: duration in s.
         rtol: relative tolerance of the solvers that have one.
+        stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``.
         ignore_inequalities: run without the model's contacts, limits and friction, MuJoCo too; the provenance says
             what was left out. Without it a run in which one becomes active is refused.
         out: folder that keeps the tables; every run is written as soon as it is finished.
@@ -208,7 +216,9 @@ def run(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
     solvers = (solver,) if isinstance(solver, str) else tuple(solver)
-    request = Request(solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol, ignore_inequalities)
+    request = Request(
+        solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol, stabilisation, ignore_inequalities
+    )
     tasks = plan(case, request)
     progress = progress or Progress()
     laboratory = Laboratory(

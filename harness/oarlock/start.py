@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock._core import ConstrainedSystem, make_solver
 from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, choose
 from oarlock.inequalities import IGNORED, refuse_inequalities
-from oarlock.mechanism import element_name, equalities, jacobian
+from oarlock.mechanism import element_name, equalities
+from oarlock.projection import Projector, closing_jacobian, gap
 from oarlock.reactions import unique_reactions
+from oarlock.solvers import REFERENCE, SolverSpec
 
 CLOSED = 1e-12
 """A loop is closed when no row is off by more, in m or rad: about 1000 rounding errors of a length of 1 m, so that a
@@ -60,36 +61,7 @@ def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: 
 def _worst(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, float]:
     row = int(np.abs(data.efc_pos[: data.ne]).argmax())
     index = int(data.efc_id[row])
-    return element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index), _gap(data)
-
-
-def _gap(data: mujoco.MjData) -> float:
-    """Largest deviation of an equality row; those of limits and contacts come after them."""
-    return float(np.abs(data.efc_pos[: data.ne]).max(initial=0.0))
-
-
-def _jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    return jacobian(model, data)[: data.ne]
-
-
-class _Projector:
-    """Minimum-energy corrections: δ = M⁻¹ Jᵀ A⁺ c solves J δ = c with the least ½ δᵀ M δ."""
-
-    def __init__(self, model: mujoco.MjModel, rank_cut: float | None):
-        self._system = ConstrainedSystem()
-        self._solver = make_solver("pinv", **({} if rank_cut is None else {"rank_cut": rank_cut}))
-        self._mass = np.zeros((model.nv, model.nv))
-        self._zero = np.zeros(model.nv)
-        self.rank = 0
-
-    def correction(self, model: mujoco.MjModel, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0):
-        mujoco.mj_fullM(model, data, self._mass)
-        rows = _jacobian(model, data)
-        softness = np.full(len(wanted), damping) if damping else None
-        self._system.assemble(self._mass, rows, self._zero, wanted, softness)
-        multipliers, info = self._solver.solve_system(self._system)
-        self.rank = info.rank or 0
-        return self._system.acceleration(multipliers)[0]
+    return element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index), gap(data)
 
 
 def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
@@ -117,9 +89,9 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
     mujoco.mj_fwdPosition(model, data)
     refuse_inequalities(model, data)
 
-    projector = _Projector(model, case.file.rank_cut)
+    projector = Projector(model, case.file.rank_cut, SolverSpec(REFERENCE))
     mujoco.mj_fwdVelocity(model, data)
-    velocity = projector.correction(model, data, -(_jacobian(model, data) @ data.qvel))
+    velocity = projector.correction(data, -(closing_jacobian(model, data) @ data.qvel))
     if np.abs(data.efc_vel[: data.ne]).max() > CLOSED:
         data.qvel += velocity
     difference = np.zeros(model.nv)
@@ -151,18 +123,18 @@ def _close(model: mujoco.MjModel, data: mujoco.MjData, case: Case) -> None:
     if data.ne == 0:
         names = ", ".join(equality.name for equality in equalities(model))
         raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")
-    projector = _Projector(model, case.file.rank_cut)
-    error = _gap(data)
+    projector = Projector(model, case.file.rank_cut, SolverSpec(REFERENCE))
+    error = gap(data)
     damping = 0.0
     for _ in range(MAX_STEPS):
         if error <= CLOSED:
             return
-        step = projector.correction(model, data, -data.efc_pos[: data.ne], damping)
+        step = projector.correction(data, -data.efc_pos[: data.ne], damping)
         step *= min(1.0, TRUST / max(np.abs(step).max(), TRUST))
         before = data.qpos.copy()
         mujoco.mj_integratePos(model, data.qpos, step, 1.0)
         mujoco.mj_fwdPosition(model, data)
-        after = _gap(data)
+        after = gap(data)
         if after < error:
             error, damping = after, damping / 10.0 if damping > 1e-12 else 0.0
             continue
@@ -172,8 +144,8 @@ def _close(model: mujoco.MjModel, data: mujoco.MjData, case: Case) -> None:
             return  # rounding: long mechanisms cannot do better
         scale = float(np.abs(data.efc_diagA[: data.ne]).max())
         damping = max(10.0 * damping, 1e-6 * scale)
-    name, gap = _worst(model, data)
+    name, open_by = _worst(model, data)
     raise InputError(
-        f"start of case '{case.name}' cannot be closed: equality '{name}' stays open by {gap:.3g} after "
+        f"start of case '{case.name}' cannot be closed: equality '{name}' stays open by {open_by:.3g} after "
         f"{MAX_STEPS} steps, expected at most {CLOSED:g}"
     )

@@ -12,6 +12,7 @@ import numpy as np
 from oarlock.drive import Drive
 from oarlock.errors import InputError
 from oarlock.mechanism import jacobian
+from oarlock.projection import Projector
 
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
@@ -83,19 +84,26 @@ class MujocoWalker:
 
 
 class ForcedWalker:
-    """MuJoCo's smooth dynamics and integrators with the force of a ``ForceLaw``.
+    """MuJoCo's smooth dynamics and integrators with the force of a ``ForceLaw``; a projector ends every step.
 
     Raises:
         InputError: the model has actuator activations and is to be integrated by RK4.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, drive: Drive, force: ForceLaw):
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        drive: Drive,
+        force: ForceLaw,
+        projector: Projector | None = None,
+    ):
         if model.na and model.opt.integrator == _RK4:
             raise InputError(
                 f"the model has {model.na} actuator activation(s), expected none with rk4: use euler or implicitfast"
             )
         self.model, self.data = model, data
-        self._drive, self._force = drive, force
+        self._drive, self._force, self._projector = drive, force, projector
         self._turns = _turns(model)
         self._qpos, self._qvel = np.zeros(model.nq), np.zeros(model.nv)
         self._velocities, self._accelerations = np.zeros((4, model.nv)), np.zeros((4, model.nv))
@@ -106,7 +114,17 @@ class ForcedWalker:
         self._force.apply(self.data)
 
     def step(self) -> None:
-        """MuJoCo's Euler or implicit step, or the Runge–Kutta step of order four."""
+        """MuJoCo's Euler or implicit step, or the Runge–Kutta step of order four; then the projection.
+
+        A projection may move the state about as far as the step itself did; more is refused, and noted in its status.
+        """
+        fastest = np.abs(self.data.qvel).max()
+        self._integrate()
+        if self._projector and np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all():
+            fastest = max(fastest, np.abs(self.data.qvel).max())
+            self._projector.project(self.data, trust=self.model.opt.timestep * float(fastest))
+
+    def _integrate(self) -> None:
         integrator = self.model.opt.integrator
         if integrator == _RK4:
             self._runge_kutta()
