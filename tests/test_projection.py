@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from mechanisms import case_of, four_bar, only, parallelogram, setup_of, write_model
 from oarlock import InputError, load_case, run
-from oarlock.projection import TRACKED, Projection, Projector, closing_jacobian, gap
+from oarlock.mechanism import closing_jacobian
+from oarlock.projection import TRACKED, Projection, Projector, gap
 from oarlock.solvers import SolverSpec
 from tolerances import (
     CLOSED,

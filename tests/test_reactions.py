@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mechanisms import case_of, four_bar, write_model
 from oarlock import load_case, make_solver
-from oarlock.mechanism import load_mechanism
+from oarlock.mechanism import closing_jacobian, load_mechanism
 from oarlock.reactions import VANISHES, unique_reactions, verdict
 from oarlock.start import consistent_start
 from tolerances import ARBITRARY_REACTION, DETERMINED_REACTION
@@ -58,8 +58,8 @@ def test_unique_is_what_every_solution_agrees_on(name, tmp_path):
     mujoco.mj_forward(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
-    jacobian = data.efc_J.reshape(data.ne, model.nv)
-    A = jacobian @ np.linalg.solve(mass, jacobian.T)
+    jacobian = closing_jacobian(model, data)
+    A = np.asarray(jacobian @ np.linalg.solve(mass, jacobian.T), dtype=float)
     b = A @ np.random.default_rng(0).normal(size=data.ne)
     weights = np.random.default_rng(1).uniform(0.5, 2.0, size=data.ne)
     plain, _ = make_solver("pinv").solve(A, b)

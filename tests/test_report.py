@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 import vl_convert
-from mechanisms import four_bar, write_model
+from mechanisms import four_bar, only, write_model
 from oarlock import InputError, report, run
 from oarlock.report import number, write_report
 from oarlock.results import ResultFolder
@@ -122,6 +122,21 @@ def test_projected_runs_say_what_they_took(boat_run, boat_report):
         assert f"0 of {number(row['steps_done'])} steps not brought onto the constraints" in line
     front = text.partition("\n## ")[0]
     assert f"stand open by at most {number(max(row['drift_pos_max'] for row in rows), 'm')}" in front
+
+
+def test_units_are_those_of_the_rows_and_of_the_truth(tmp_path):
+    """A gear train has angles in its rows and in its truth; a slider-crank is known by a slide, in m."""
+    rows = {"gear_train": ("rad", "rad/s", "rad"), "spatial_slider_crank": ("m", "m/s", "m")}
+    for name, (unit, rate_unit, truth_unit) in rows.items():
+        results = run(name, mode="free", solver="pinv", stabilisation="projection", duration_s=0.01, out=tmp_path / name)
+        text = (write_report(tmp_path / name, tmp_path / "report" / name) / "README.md").read_text(encoding="utf-8")
+        row = only(results.rows, mode="free", form="hard")
+        (said,) = [line for line in text.splitlines() if line.startswith("**Projection.**")]
+        assert f"at most {number(row['drift_pos_max'], unit)} and" in said
+        assert f"at most {number(row['drift_vel_max'], rate_unit)} (" in said
+        assert f"is {number(row['truth_error_max'], truth_unit)} away" in said
+        deviations = (tmp_path / "report" / name / "figures" / "deviations.svg").read_text(encoding="utf-8")
+        assert f"|deviation| ({unit})" in deviations
 
 
 def test_all_gates_appear(boat_run, boat_report):

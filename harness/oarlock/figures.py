@@ -126,7 +126,7 @@ def over_time(runs: dict[str, pl.DataFrame], column: str, title: str, rule: floa
     return chart.properties(width=WIDTH, height=HEIGHT)
 
 
-def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str) -> alt.TopLevelMixin:
+def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str, unit: str) -> alt.TopLevelMixin:
     """Deviations of the first ``rows`` constraint rows, a panel an engine, on one logarithmic axis."""
     frames = []
     for who, steps in runs.items():
@@ -136,7 +136,7 @@ def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str) -> alt.TopLe
             frames.append(frame.with_columns(who=pl.lit(who), row=pl.lit(f"row {row + 1}")))
     floor = 1e-16  # below the rounding of a length of 1 m there is nothing to see
     frame = pl.concat(frames).with_columns(pl.col("value").clip(floor))
-    y = _log_axis(frame["value"], "|deviation| (m or rad)")
+    y = _log_axis(frame["value"], f"|deviation| ({unit})")
     colour = alt.Color("row:N", title=None, scale=alt.Scale(scheme="dark2"), legend=alt.Legend(orient="top"))
     panels = [
         alt.Chart(frame.filter(pl.col("who") == who), title=f"{name}: {who}")

@@ -117,6 +117,11 @@ def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)
 
 
+def closing_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """J of the equality rows, (ne, nv); those of limits and contacts come after them. A view as of ``jacobian``."""
+    return jacobian(model, data)[: data.ne]
+
+
 def element_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:
     """Name of an element, or its number in ``#`` form where it has none."""
     return mujoco.mj_id2name(model, kind, index) or f"#{index}"

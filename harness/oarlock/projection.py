@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from oarlock._core import ConstrainedSystem
+from oarlock.mechanism import closing_jacobian
 from oarlock.solvers import SolverSpec
 
 TRACKED = SolverSpec("sr1-tracked", (("predict", 0.0),))
@@ -54,11 +55,6 @@ class Projection:
     solves: int
     iterations: int
     moved: float
-
-
-def closing_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """J (ne, nv) of the equality rows; limits and contacts come after them. A view, valid until the next stage call."""
-    return data.efc_J.reshape(data.nefc, model.nv)[: data.ne]
 
 
 def gap(data: mujoco.MjData) -> float:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.case_file import Reactions
-from oarlock.mechanism import element_name
+from oarlock.mechanism import closing_jacobian, element_name
 
 ZERO_ROW = 1e-12
 """Relative to the largest entry of J: the core folds away rows that are no larger."""
@@ -28,7 +28,7 @@ def unique_reactions(model: mujoco.MjModel, data: mujoco.MjData, rank: int) -> d
     beyond ``rank`` span null(A) = null(Jᵀ), without the squared condition number of A.
     """
     ne = data.ne
-    jacobian = data.efc_J.reshape(data.nefc, model.nv)[:ne]
+    jacobian = closing_jacobian(model, data)
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
     sizes = np.abs(jacobian).max(axis=1)

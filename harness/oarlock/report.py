@@ -88,6 +88,11 @@ class Tables:
         return units.pop() if len(units) == 1 else "m or rad"
 
     @property
+    def rate_unit(self) -> str:
+        """Unit of how fast they change."""
+        return {"m": "m/s", "rad": "rad/s"}.get(self.unit, "m/s or rad/s")
+
+    @property
     def without_curvature(self) -> list[str]:
         """Equalities of the kinds for which MuJoCo's reference acceleration leaves J̇v out."""
         return [equality["name"] for equality in self.case["model"]["equalities"] if equality["kind"] in _NO_CURVATURE]
@@ -143,7 +148,7 @@ def draw(tables: Tables) -> list[Figure]:
         drawn.append(Figure("truth", "Distance from the outside truth.", chart))
     if free:
         equality = tables.case["model"]["equalities"][0]
-        chart = figures.deviations(free, equality["rows"], equality["name"])
+        chart = figures.deviations(free, equality["rows"], equality["name"], equality["unit"])
         caption = f"Deviations of the constraint rows of '{equality['name']}': how far the loop stands open."
         drawn.append(Figure("deviations", caption, chart))
     iterating = tables.pick(mode="lockstep", form="hard", walker="pinv", solver="sr1")

@@ -11,8 +11,8 @@ from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, choose
 from oarlock.inequalities import IGNORED, refuse_inequalities
-from oarlock.mechanism import element_name, equalities
-from oarlock.projection import Projector, closing_jacobian, gap
+from oarlock.mechanism import closing_jacobian, element_name, equalities
+from oarlock.projection import Projector, gap
 from oarlock.reactions import unique_reactions
 from oarlock.solvers import REFERENCE, SolverSpec
 
