@@ -1,14 +1,15 @@
 """Mechanisms that the tests make up, and folders of cases around them."""
 
+import importlib.util
 import shutil
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
-import oarlock
 from oarlock.case_file import CaseFile
-from oarlock.cases import Case, load_case
+from oarlock.cases import MODELS, Case, load_case
 from oarlock.experiments import Laboratory, Setup
 
 INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
@@ -16,7 +17,7 @@ INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
 COMMAND = Path(sys.executable).with_name("oarlock")
 """The installed command."""
 
-BOAT = Path(oarlock.__file__).parent / "models" / "boat"
+BOAT = MODELS / "boat"
 
 
 def four_bar(*, joint: str = "", rocker: str = "", pivot: str = "0.7 0 0", body: str = "", rest: str = "") -> str:
@@ -142,6 +143,16 @@ def boat_with(**changes: Any) -> Case:
 def setup_of(case: Case, integrator: Any = "rk4", timestep_s: float | None = None, duration_s: float = 0.2) -> Setup:
     """A case prepared for a run."""
     return Laboratory(case, timestep_s, duration_s, lambda steps: None).setup(integrator)
+
+
+def reference_script(model: str) -> ModuleType:
+    """``reference.py`` of a model, as a module."""
+    spec = importlib.util.spec_from_file_location(f"reference of {model}", MODELS / model / "reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def relative(value: Any, expected: Any) -> float:

@@ -1,26 +1,15 @@
 """The models closed by joint, tendon and weld equalities: their truths, and what MuJoCo's missing J̇v costs."""
 
-import importlib.util
-
 import numpy as np
 import pytest
-from mechanisms import four_bar, only, setup_of, write_model
+from mechanisms import four_bar, only, reference_script, setup_of, write_model
 from oarlock import load_case, run
-from oarlock.cases import MODELS
 from oarlock.experiments import Laboratory
 from oarlock.solvers import SolvedForce, SolverSpec
 from oarlock.state import State
 from oarlock.stepping import ForcedWalker
 from oarlock.truth import load_truth
-from tolerances import (
-    CURVATURE_RESTORED,
-    CURVATURE_SHOWS,
-    RK4_ORDER_HIGH,
-    RK4_ORDER_LOW,
-    TRUTH_INTERPOLATION,
-    TRUTH_REGENERATED_SWINGING,
-    TRUTH_REGENERATED_SWINGING_ACCELERATION,
-)
+from tolerances import CURVATURE_RESTORED, CURVATURE_SHOWS, RK4_ORDER_HIGH, RK4_ORDER_LOW, TRUTH_INTERPOLATION
 
 NAMES = ["gear_train", "cable_loop", "welded_frame"]
 
@@ -32,23 +21,7 @@ def name(request) -> str:
 
 @pytest.fixture
 def reference(name):
-    spec = importlib.util.spec_from_file_location(f"{name}_reference", MODELS / name / "reference.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_table_is_what_its_script_makes(name, reference):
-    table = np.loadtxt(MODELS / name / "reference.csv", delimiter=",", skiprows=2)
-    times = table[:, 0]
-    assert times[-1] == reference.DURATION == load_case(name).file.run.duration_s
-    position, velocity = reference.solve(times)
-    assert np.abs(table[:, 1] - position).max() <= TRUTH_REGENERATED_SWINGING
-    assert np.abs(table[:, 2] - velocity).max() <= TRUTH_REGENERATED_SWINGING
-    gap = np.abs(table[:, 3] - reference.acceleration(position, velocity)).max()
-    assert gap <= TRUTH_REGENERATED_SWINGING_ACCELERATION
+    return reference_script(name)
 
 
 def test_interpolation(name, reference):

@@ -128,7 +128,9 @@ def test_units_are_those_of_the_rows_and_of_the_truth(tmp_path):
     """A gear train has angles in its rows and in its truth; a slider-crank is known by a slide, in m."""
     rows = {"gear_train": ("rad", "rad/s", "rad"), "spatial_slider_crank": ("m", "m/s", "m")}
     for name, (unit, rate_unit, truth_unit) in rows.items():
-        results = run(name, mode="free", solver="pinv", stabilisation="projection", duration_s=0.01, out=tmp_path / name)
+        results = run(
+            name, mode="free", solver="pinv", stabilisation="projection", duration_s=0.01, out=tmp_path / name
+        )
         text = (write_report(tmp_path / name, tmp_path / "report" / name) / "README.md").read_text(encoding="utf-8")
         row = only(results.rows, mode="free", form="hard")
         (said,) = [line for line in text.splitlines() if line.startswith("**Projection.**")]

@@ -1,7 +1,6 @@
 """Outside truths: every table made again by its script; the boat's also made otherwise, and interpolated; and tables
 that are no truth."""
 
-import importlib.util
 import runpy
 import shutil
 
@@ -9,19 +8,12 @@ import boat_paper as paper
 import mujoco
 import numpy as np
 import pytest
-from mechanisms import BOAT, boat_with, case_of, four_bar, setup_of, write_model
+from mechanisms import BOAT, boat_with, case_of, four_bar, reference_script, setup_of, write_model
 from oarlock import InputError, load_case
 from oarlock.cases import MODELS
 from oarlock.truth import SITE_COLUMNS, TruthTrajectory, load_truth
 from scipy.integrate import solve_ivp
-from tolerances import (
-    TRUTH_INTERPOLATION,
-    TRUTH_OTHER_SOLVER,
-    TRUTH_REGENERATED,
-    TRUTH_REGENERATED_ACCELERATION,
-    TRUTH_TABLE,
-    TRUTH_TABLE_ACCELERATION,
-)
+from tolerances import TRUTH_INTERPOLATION, TRUTH_OTHER_SOLVER, TRUTH_TABLE, TRUTH_TABLE_ACCELERATION
 
 SCRIPTS = sorted(MODELS.glob("*/reference.py"))
 
@@ -53,6 +45,7 @@ def test_tables_are_what_their_script_makes(script, tmp_path):
         head_made, table_made = made[name]
         assert head == head_made
         assert table.shape == table_made.shape
+        assert table[0, 0] == 0.0
         np.testing.assert_array_equal(table[:, 0], table_made[:, 0])
         kinds = zip(np.split(table[:, 1:], 3, axis=1), np.split(table_made[:, 1:], 3, axis=1), strict=True)
         bounds = {"position": TRUTH_TABLE, "velocity": TRUTH_TABLE, "acceleration": TRUTH_TABLE_ACCELERATION}
@@ -63,13 +56,7 @@ def test_tables_are_what_their_script_makes(script, tmp_path):
 
 @pytest.fixture(scope="module")
 def reference():
-    """mjcf/boat/reference.py."""
-    spec = importlib.util.spec_from_file_location("boat_reference", BOAT / "reference.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return reference_script("boat")
 
 
 @pytest.fixture(scope="module")
@@ -82,17 +69,6 @@ def truth():
     loaded = load_truth(load_case("boat"))
     assert loaded is not None
     return loaded
-
-
-def test_table_is_what_its_script_makes(reference, table):
-    times = table[:, 0]
-    assert times[0] == 0.0
-    assert times[-1] == reference.DURATION == load_case("boat").file.run.duration_s
-    phi, phi_dot = reference.solve(times)
-    assert np.abs(table[:, 1] - phi).max() <= TRUTH_REGENERATED
-    assert np.abs(table[:, 2] - phi_dot).max() <= TRUTH_REGENERATED
-    gap = np.abs(table[:, 3] - reference.acceleration(times, phi, phi_dot)).max()
-    assert gap <= TRUTH_REGENERATED_ACCELERATION
 
 
 @pytest.mark.parametrize(("method", "max_step"), [("DOP853", 1e-3), ("RK45", 1e-3), ("LSODA", np.inf)])
