@@ -41,6 +41,15 @@ def test_list(oarlock_command, oarlock_here):
     assert all(entry["name"] in plain.stdout and entry["title"] in plain.stdout for entry in entries)
 
 
+def test_list_fits_a_terminal(oarlock_here, monkeypatch):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    monkeypatch.setenv("TERM", "dumb")  # 80 columns, and no codes between the words
+    lines = oarlock_here("list").stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert [line.split()[0] for line in lines[1:] if not line.startswith(" ")] == model_names()
+    assert "…" not in "".join(lines)
+
+
 def test_standard_output_is_one_document(boat_run):
     """The fixture parsed the whole of it; a second time here, with what must not be in it."""
     document = json.loads(boat_run.out)
@@ -202,5 +211,5 @@ def test_reader_that_goes_away_is_no_failed_gate():
 def test_help_names_the_contract(oarlock_here):
     text = oarlock_here("run", "--help").stdout
     contract = {"solver", "form", "mode", "walker", "integrator", "timestep", "duration", "rtol", "out", "json"}
-    contract |= {"stabilisation"}
-    assert contract <= set(re.findall(r"--([a-z]+)", text))
+    contract |= {"stabilisation", "ignore-inequalities"}
+    assert contract <= set(re.findall(r"--([a-z-]+)", text))

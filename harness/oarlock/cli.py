@@ -116,9 +116,12 @@ def _print_summary(results: Results) -> None:
         table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
     for row in results.rows:
         table.add_row(*(_cell(row[name]) for name in _COLUMNS))
-    # Without a terminal a table must not be cut to the width of one.
-    console = Console() if sys.stdout.isatty() else Console(width=WIDE)
-    console.print(table)
+    _console().print(table)
+
+
+def _console() -> Console:
+    """Standard output. Without a terminal a table must not be cut to the width of one."""
+    return Console() if sys.stdout.isatty() else Console(width=WIDE)
 
 
 @app.command("list")
@@ -126,7 +129,7 @@ def _print_summary(results: Results) -> None:
 def list_models(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON on standard output.")] = False,
 ) -> None:
-    """The models that come with oarlock."""
+    """The models that come with oarlock. Files, pipes and --json get their references and tags as well."""
     from oarlock.catalogue import catalogue
 
     entries = catalogue()
@@ -134,12 +137,14 @@ def list_models(
         _emit_json(entries, "-")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
-    names = ["name", "title", "nq", "nv", "rows", "rank", "redundancy", "dof", "reference", "tags"]
+    names = ["name", "title", "nq", "nv", "rows", "rank", "redundancy", "dof"]
+    if not sys.stdout.isatty():
+        names += ["reference", "tags"]  # longer than a terminal is wide
     for name in names:
-        table.add_column(name, no_wrap=True)
+        table.add_column(name, no_wrap=name != "title")
     for entry in entries:
         table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else _cell(v) for name in names))
-    (Console() if sys.stdout.isatty() else Console(width=WIDE)).print(table)
+    _console().print(table)
 
 
 @app.command()
