@@ -141,6 +141,17 @@ def test_units_are_those_of_the_rows_and_of_the_truth(tmp_path):
         assert f"|deviation| ({unit})" in deviations
 
 
+def test_a_run_beyond_its_truth(tmp_path):
+    """The truth ends before the run does: its curve ends there."""
+    toml = "title = 'x'\nrun.duration_s = 0.02\ntruth = { file = 'short.csv', joint = 'crank', source = 'nobody' }"
+    path = write_model(tmp_path / "bar", four_bar(), toml)
+    head = "time,position,velocity,acceleration\n"
+    (tmp_path / "bar" / "short.csv").write_text(head + "0,0,0,0\n0.01,0,0,0\n", encoding="utf-8")
+    run(path.parent, mode="free", solver="pinv", out=tmp_path / "results")
+    page = write_report(tmp_path / "results", tmp_path / "report") / "README.md"
+    assert "![truth](figures/truth.svg)" in page.read_text(encoding="utf-8")
+
+
 def test_all_gates_appear(boat_run, boat_report):
     text = (boat_report / "README.md").read_text(encoding="utf-8")
     gates = boat_run.document["gates"]

@@ -61,8 +61,11 @@ def sampled(time: np.ndarray, values: np.ndarray, samples: int = SAMPLES) -> pl.
 
 
 def _significant(frame: pl.DataFrame) -> pl.DataFrame:
-    """Six digits are more than a figure shows, and keep its file the same when the last bit moves."""
-    return frame.with_columns(pl.col("value").round_sig_figs(6))
+    """Six digits are more than a figure shows, and keep its file the same when the last bit moves.
+
+    What is not known becomes a gap: JSON has no NaN.
+    """
+    return frame.with_columns(pl.col("value").fill_nan(None).round_sig_figs(6))
 
 
 def columns_of(steps: pl.DataFrame, name: str) -> np.ndarray:
