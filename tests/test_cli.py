@@ -113,7 +113,7 @@ def test_divergence_keeps_the_streams_clean(oarlock_command):
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ("bogus", "unknown model 'bogus', expected one of: andrews_squeezer, boat"),
+        ("bogus", f"unknown model 'bogus', expected one of: {', '.join(model_names())}"),
         ("gone.xml", "no model file 'gone.xml'"),
         ("boat --solver gauss", "unknown solver 'gauss', expected one of: mujoco, "),
         ("boat --solver sr1:eps=1", "no option 'eps', expected one of: eps_abs"),
@@ -172,9 +172,9 @@ def test_report_of_a_damaged_table(oarlock_here, tmp_path):
 
 
 def interrupt(folder, process):
-    """Interrupts the process once a run is on disk."""
+    """Interrupts the process once a run is on disk and in the summary."""
     deadline = time.monotonic() + 60
-    while not list(folder.glob("steps/*.parquet")):
+    while not (folder / "summary.json").exists():
         assert process.poll() is None, process.stderr.read()
         assert time.monotonic() < deadline
         time.sleep(0.01)
