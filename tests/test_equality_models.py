@@ -9,7 +9,14 @@ from oarlock.solvers import SolvedForce, SolverSpec
 from oarlock.state import State
 from oarlock.stepping import ForcedWalker
 from oarlock.truth import load_truth
-from tolerances import CURVATURE_RESTORED, CURVATURE_SHOWS, RK4_ORDER_HIGH, RK4_ORDER_LOW, TRUTH_INTERPOLATION
+from tolerances import (
+    CURVATURE_RESTORED,
+    CURVATURE_SHOWS,
+    GEAR_TORQUE,
+    RK4_ORDER_HIGH,
+    RK4_ORDER_LOW,
+    TRUTH_INTERPOLATION,
+)
 
 NAMES = ["gear_train", "cable_loop", "welded_frame"]
 
@@ -70,6 +77,17 @@ def test_what_the_missing_curvature_costs(name):
     drift, expected = stiff_drift(name, restored=False)
     assert drift == pytest.approx(expected, rel=CURVATURE_SHOWS)
     assert stiff_drift(name, restored=True)[0] <= CURVATURE_RESTORED * drift
+
+
+def test_the_gear_of_the_gripper_carries_half_the_torque():
+    """Mirror images move alike, so that each finger gets half: λ = τ/2, with no engine's help."""
+    case = load_case("gripper")
+    results = run("gripper", mode="free", form="hard", solver="pinv", duration_s=1.0)
+    (steps,) = [steps for row, steps in zip(results.rows, results.frames, strict=True) if row["mode"] == "free"]
+    multipliers = np.array(steps["multipliers"].to_list())[:, -1]  # the gear is the last equality, of one row
+    torque = np.array([case.file.drive.laws()["motor"].at(time) for time in steps["time_s"]])
+    assert np.abs(torque).max() > 0.003
+    assert np.abs(multipliers - torque / 2).max() <= GEAR_TORQUE * np.abs(torque).max()
 
 
 def test_runs_of_a_model_with_a_row_that_mujoco_drops(tmp_path):

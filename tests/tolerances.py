@@ -96,6 +96,9 @@ behind a J̇v that changes over 0.2 s and more, and its force adds the softness 
 CURVATURE_RESTORED = 0.02
 """Of the deviation. What is left once J̇v is in the question: 1e-4 of softness, 0.001 and 0.007 measured."""
 
+GEAR_TORQUE = 1e-10
+"""Of the torque. Rounding times the condition of A, and the rounding of two mirrored fingers: 1e-12 measured."""
+
 # Projection.
 
 PROJECTED = 1e-14
