@@ -4,6 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 CARGO ?= cargo
 MODEL ?= boat
+# The name of a variant, NAME:key=value,…, as one for folders.
+comma := ,
+FOLDER = $(subst $(comma),-,$(subst :,-,$(MODEL)))
 RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs)
 
 SECONDS ?= 60
@@ -16,8 +19,8 @@ FUZZ_FLAGS := --cfg fuzzing -C passes=sancov-module $(addprefix -C llvm-args=-sa
 .DELETE_ON_ERROR:
 
 run: setup
-	$(BIN)/oarlock run $(MODEL) --out build/results/$(MODEL)
-	$(BIN)/oarlock report build/results/$(MODEL) --to reports/$(MODEL)
+	$(BIN)/oarlock run $(MODEL) --out build/results/$(FOLDER)
+	$(BIN)/oarlock report build/results/$(FOLDER) --to reports/$(FOLDER)
 
 test: setup
 	$(CARGO) test --locked --release --quiet -p oarlock-core -p oarlock-fuzz

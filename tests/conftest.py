@@ -48,7 +48,7 @@ def _boat_process(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempP
 
 @pytest.fixture(scope="session")
 def boat_run(_boat_process: tuple[subprocess.Popen[str], Path]) -> BoatRun:
-    """The whole case of the boat: 22 runs of 12 s."""
+    """The whole case of the boat: 31 runs of 12 s."""
     process, folder = _boat_process
     out, err = process.communicate(timeout=600)
     assert process.returncode in (0, 1), err

@@ -1,13 +1,15 @@
 """Mechanisms that the tests make up, and folders of cases around them."""
 
+import importlib.util
 import shutil
 import sys
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
-import oarlock
-from oarlock.cases import Case, CaseFile, load_case
+from oarlock.case_file import CaseFile
+from oarlock.cases import MODELS, Case, load_case
 from oarlock.experiments import Laboratory, Setup
 
 INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
@@ -15,7 +17,7 @@ INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
 COMMAND = Path(sys.executable).with_name("oarlock")
 """The installed command."""
 
-BOAT = Path(oarlock.__file__).parent / "models" / "boat"
+BOAT = MODELS / "boat"
 
 
 def four_bar(*, joint: str = "", rocker: str = "", pivot: str = "0.7 0 0", body: str = "", rest: str = "") -> str:
@@ -45,28 +47,76 @@ def four_bar(*, joint: str = "", rocker: str = "", pivot: str = "0.7 0 0", body:
 </mujoco>"""
 
 
+def parallelogram() -> str:
+    """A planar four-bar of two equal pairs of bars: lying flat, twice a turn, its rows are of rank 1 instead of 2."""
+    return """
+<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.002"/>
+  <default><joint axis="0 1 0"/><geom type="capsule" size="0.02" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="crank">
+      <joint name="crank"/><geom fromto="0 0 0 0 0 0.5"/>
+      <body name="coupler" pos="0 0 0.5">
+        <joint name="coupler"/><geom fromto="0 0 0 1 0 0"/><site name="tip1" pos="1 0 0"/>
+      </body>
+    </body>
+    <body name="rocker" pos="1 0 0">
+      <joint name="rocker"/><geom fromto="0 0 0 0 0 0.5"/><site name="tip2" pos="0 0 0.5"/>
+    </body>
+  </worldbody>
+  <equality><connect name="pin" site1="tip1" site2="tip2"/></equality>
+</mujoco>"""
+
+
 TANGLE = """
 <mujoco>
   <default><geom type="capsule" size="0.02" contype="0" conaffinity="0"/></default>
   <worldbody>
+    <site name="w1" pos="0.4 0.1 0.9" quat="1 0.2 0.3 0.1"/><site name="w2" pos="-0.9 -0.5 0.2"/>
     <body name="a">
-      <joint name="ball" type="ball"/><geom fromto="0 0 0 0.3 0.1 0.4"/>
-      <body name="b" pos="0.3 0.1 0.4">
+      <joint name="ball" type="ball"/><geom fromto="0 0 0 0.3 0.1 0.4"/><site name="s0" pos="0 0 0.1"/>
+      <body name="b" pos="0.3 0.1 0.4" quat="1 0.3 0.2 0.1">
         <joint name="skew" axis="1 2 3" pos="0.1 0 0"/><joint name="slide" type="slide" axis="2 -1 1"/>
-        <geom fromto="0 0 0 0.2 -0.3 0.1"/><site name="s1" pos="0.1 -0.2 0.3"/>
+        <geom fromto="0 0 0 0.2 -0.3 0.1"/><site name="s1" pos="0.1 -0.2 0.3" quat="1 0 0.2 0.1"/>
+        <body name="d" pos="0.2 0 0">
+          <joint name="wrist" axis="0 1 1"/><geom fromto="0 0 0 0.2 -0.3 0.1"/><site name="s3" pos="0.2 0.3 0.4"/>
+        </body>
       </body>
     </body>
     <body name="c" pos="0.5 0.5 0.5">
-      <freejoint name="free"/><geom fromto="0 0 0 0.3 0 0"/><site name="s2" pos="-0.1 0.2 0.1"/>
+      <freejoint name="free"/><geom fromto="0 0 0 0.3 0 0"/><site name="s2" pos="-0.1 0.2 0.1" quat="0.3 0.2 1 0"/>
     </body>
   </worldbody>
+  <tendon>
+    <fixed name="mix"><joint joint="skew" coef="0.7"/><joint joint="slide" coef="-1.2"/></fixed>
+    <spatial name="line">
+      <site site="w1"/><site site="s1"/><site site="s0"/><site site="s2"/><site site="w2"/>
+    </spatial>
+    <spatial name="pulleys">
+      <site site="w1"/><site site="s1"/><pulley divisor="2"/><site site="s1"/><site site="s2"/>
+      <pulley divisor="3"/><site site="s0"/><site site="s3"/>
+    </spatial>
+  </tendon>
   <equality>
-    <connect name="bodies" body1="a" body2="c" anchor="0.2 0.3 -0.1"/>
-    <connect name="world" body1="b" anchor="0.1 0.2 0.3"/>
-    <connect name="sites" site1="s1" site2="s2"/>
+    <connect name="connect bodies" body1="a" body2="c" anchor="0.2 0.3 -0.1"/>
+    <connect name="connect world" body1="b" anchor="0.1 0.2 0.3"/>
+    <connect name="connect sites" site1="s1" site2="s2"/>
+    <weld name="weld bodies" body1="a" body2="c" anchor="0.2 0.3 -0.1" relpose="0.1 0.2 0.3 1 0.2 0.1 0.4"
+          torquescale="0.7"/>
+    <weld name="weld as it stands" body1="b" body2="c"/>
+    <weld name="weld world" body1="b" torquescale="2"/>
+    <weld name="weld sites" site1="s1" site2="s2" torquescale="1.5"/>
+    <weld name="weld world site" site1="w1" site2="s2"/>
+    <joint name="angles" joint1="skew" joint2="slide" polycoef="0.1 0.5 0.7 -0.3 0.2"/>
+    <joint name="angle" joint1="wrist" polycoef="0.1 0 0 0 0"/>
+    <tendon name="mix" tendon1="mix"/>
+    <tendon name="line" tendon1="line"/>
+    <tendon name="lines" tendon1="line" tendon2="pulleys" polycoef="0.1 0.5 0.7 -0.3 0.2"/>
+    <tendon name="mix and line" tendon1="mix" tendon2="line" polycoef="0 1 1 0 0"/>
   </equality>
 </mujoco>"""
-"""Ball, hinge, slide and free joints in a tangle of connects of every form; it need not be closed."""
+"""Ball, hinge, slide and free joints in a tangle of equalities of every kind and form; it need not be closed."""
 
 
 def write_model(folder: Path, xml: str, toml: str | None = None) -> Path:
@@ -93,6 +143,16 @@ def boat_with(**changes: Any) -> Case:
 def setup_of(case: Case, integrator: Any = "rk4", timestep_s: float | None = None, duration_s: float = 0.2) -> Setup:
     """A case prepared for a run."""
     return Laboratory(case, timestep_s, duration_s, lambda steps: None).setup(integrator)
+
+
+def reference_script(model: str) -> ModuleType:
+    """``reference.py`` of a model, as a module."""
+    spec = importlib.util.spec_from_file_location(f"reference of {model}", MODELS / model / "reference.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def relative(value: Any, expected: Any) -> float:

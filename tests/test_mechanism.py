@@ -1,17 +1,16 @@
-"""The boat's MJCF against the paper's formulas, J̇v against differences and MuJoCo, and models that cannot be read."""
+"""The boat's MJCF against the paper's formulas, reading a model, and models that cannot be read."""
 
 import boat_paper as paper
 import mujoco
 import numpy as np
 import pytest
-from mechanisms import TANGLE, four_bar, relative, setup_of, write_model
+from mechanisms import TANGLE, relative, setup_of, write_model
 from oarlock import InputError, load_case
-from oarlock.cases import Baumgarte
-from oarlock.curvature import Curvature, curvature_from_reference
+from oarlock.case_file import Baumgarte
 from oarlock.mechanism import coordinates, equalities, load_model
 from oarlock.state import State
 from oarlock.stepping import smooth_stages
-from tolerances import FINITE_DIFFERENCE, FINITE_DIFFERENCE_STEP, PAPER_FORMULA, REFERENCE_CURVATURE
+from tolerances import PAPER_FORMULA, SAME_POINT
 
 STATES = 100
 
@@ -67,7 +66,7 @@ def test_hard_question_is_baumgartes(boat):
         assert relative(aref, paper.MIRROR * (-bend - 2 * 5 * rate - 1e4 * g)) <= PAPER_FORMULA
 
 
-# J̇v.
+# Reading a model.
 
 
 @pytest.fixture(scope="module")
@@ -75,94 +74,55 @@ def tangle():
     return mujoco.MjModel.from_xml_string(TANGLE)
 
 
-def tangled(model, seed):
-    """A random state with its smooth stages done."""
-    rng = np.random.default_rng(seed)
-    data = mujoco.MjData(model)
-    mujoco.mj_integratePos(model, data.qpos, rng.normal(0, 1, model.nv), 1.0)
-    data.qvel[:] = rng.normal(0, 2, model.nv)
-    return data
-
-
-def curvature(model, data):
-    mujoco.mj_fwdPosition(model, data)
-    mujoco.mj_fwdVelocity(model, data)
-    out = np.full(data.ne, np.nan)
-    Curvature(model, data).write(data, out)
-    return out
-
-
-def rate_later(model, data, step):
-    """J(q ⊕ step·v) v."""
-    moved = mujoco.MjData(model)
-    moved.eq_active[:], moved.qpos[:], moved.qvel[:] = data.eq_active, data.qpos, data.qvel
-    mujoco.mj_integratePos(model, moved.qpos, data.qvel, step)
-    mujoco.mj_fwdPosition(model, moved)
-    return moved.efc_J.reshape(moved.nefc, model.nv) @ data.qvel
-
-
-@pytest.mark.parametrize("off", [None, "bodies", "world", "sites"])
-@pytest.mark.parametrize("seed", range(5))
-def test_curvature_is_the_derivative_of_the_jacobian(tangle, seed, off):
-    data = tangled(tangle, seed)
-    if off:
-        data.eq_active[tangle.equality(off).id] = 0
-    found = curvature(tangle, data)
-    step = FINITE_DIFFERENCE_STEP
-    expected = (rate_later(tangle, data, step) - rate_later(tangle, data, -step)) / (2 * step)
-    assert len(found) == (6 if off else 9)
-    assert relative(found, expected) <= FINITE_DIFFERENCE
-
-
-@pytest.mark.parametrize("off", [None, "bodies", "world", "sites"])
-@pytest.mark.parametrize("seed", range(5))
-def test_curvature_is_what_mujoco_puts_into_aref(tangle, seed, off):
-    data = tangled(tangle, seed)
-    if off:
-        data.eq_active[tangle.equality(off).id] = 0
-    found = curvature(tangle, data)
-    mujoco.mj_fwdActuation(tangle, data)
-    mujoco.mj_fwdAcceleration(tangle, data)
-    assert relative(found, curvature_from_reference(data)) <= REFERENCE_CURVATURE
-
-
-def test_curvature_follows_an_equality_that_is_switched_off(tangle):
-    data = tangled(tangle, 7)
-    mujoco.mj_fwdPosition(tangle, data)
-    mujoco.mj_fwdVelocity(tangle, data)
-    law, whole = Curvature(tangle, data), np.zeros(9)
-    law.write(data, whole)
-    data.eq_active[tangle.equality("world").id] = 0
-    mujoco.mj_fwdPosition(tangle, data)
-    mujoco.mj_fwdVelocity(tangle, data)
-    rest = np.zeros(6)
-    law.write(data, rest)
-    np.testing.assert_array_equal(rest, whole[[0, 1, 2, 6, 7, 8]])
-
-
-def test_curvature_refuses_a_weld_by_name():
-    weld = '<equality><weld name="glue" body1="coupler" body2="rocker"/></equality>'
-    model = mujoco.MjModel.from_xml_string(four_bar(rest=weld))
-    data = mujoco.MjData(model)
-    with pytest.raises(InputError, match=r"'glue' is a weld, expected connects only"):
-        Curvature(model, data)
-    data.eq_active[model.equality("glue").id] = 0
-    assert len(curvature(model, data)) == 3
-
-
-# Reading a model.
-
-
 def test_equalities_know_their_bodies(tangle):
     names = {e.name: tuple(tangle.body(body).name for body in e.bodies) for e in equalities(tangle)}
-    assert names == {"bodies": ("a", "c"), "world": ("b", "world"), "sites": ("b", "c")}
+    assert names == {
+        "connect bodies": ("a", "c"),
+        "connect world": ("b", "world"),
+        "connect sites": ("b", "c"),
+        "weld bodies": ("a", "c"),
+        "weld as it stands": ("b", "c"),
+        "weld world": ("b", "world"),
+        "weld sites": ("b", "c"),
+        "weld world site": ("world", "c"),
+        **dict.fromkeys(["angles", "angle", "mix", "line", "lines", "mix and line"], ("world", "world")),
+    }
+
+
+def test_equalities_know_their_rows(tangle):
+    data = mujoco.MjData(tangle)
+    mujoco.mj_fwdPosition(tangle, data)
+    counts = {e.name: int((data.efc_id == e.index).sum()) for e in equalities(tangle)}
+    assert {e.name: e.rows for e in equalities(tangle)} == counts
+    units = {e.name: e.unit for e in equalities(tangle)}
+    assert {units[name] for name in units if name.startswith("connect")} == {"m"}
+    assert {units[name] for name in units if name.startswith("weld")} == {"m or rad"}
+    expected = {"angles": "rad", "angle": "rad", "mix": "m or rad", "line": "m", "lines": "m"}
+    assert {name: units[name] for name in expected} == expected
+
+
+def test_anchors_are_where_mujoco_holds_them_together(tangle):
+    rng = np.random.default_rng(5)
+    data = mujoco.MjData(tangle)
+    mujoco.mj_integratePos(tangle, data.qpos, rng.normal(0, 1, tangle.nv), 1.0)
+    mujoco.mj_fwdPosition(tangle, data)
+    for equality in equalities(tangle):
+        if equality.kind in ("connect", "weld"):
+            point1, point2 = (
+                data.site_xpos[equality.sites[end]]
+                if equality.sites
+                else data.xpos[body] + data.xmat[body].reshape(3, 3) @ equality.anchor(tangle, end)
+                for end, body in enumerate(equality.bodies)
+            )
+            rows = np.flatnonzero(data.efc_id == equality.index)[:3]
+            np.testing.assert_allclose(point1 - point2, data.efc_pos[rows], rtol=0, atol=SAME_POINT)
 
 
 def test_coordinates_name_every_entry_of_qpos(tangle):
     entries = coordinates(tangle)
     assert len(entries) == tangle.nq
     assert len({entry["name"] for entry in entries}) == tangle.nq
-    assert [entry["unit"] for entry in entries] == ["–"] * 4 + ["rad", "m"] + ["m"] * 3 + ["–"] * 4
+    assert [entry["unit"] for entry in entries] == ["–"] * 4 + ["rad", "m", "rad"] + ["m"] * 3 + ["–"] * 4
 
 
 @pytest.mark.parametrize(

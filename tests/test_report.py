@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 import vl_convert
-from mechanisms import four_bar, write_model
+from mechanisms import four_bar, only, write_model
 from oarlock import InputError, report, run
 from oarlock.report import number, write_report
 from oarlock.results import ResultFolder
@@ -110,6 +110,46 @@ def test_numbers_are_those_of_the_tables(boat_run, boat_report):
         for line in solves:
             assert line[1:3] == [number(row["iterations_mean"]), number(row["iterations_max"])]
             assert line[6:8] == [number(row["min_norm_error_max"]), number(row["min_norm_error_median"])]
+
+
+def test_projected_runs_say_what_they_took(boat_run, boat_report):
+    text = plain((boat_report / "README.md").read_text(encoding="utf-8"))
+    rows = [row for row in boat_run.rows if row["mode"] == "free" and row["stabilisation"] == "projection"]
+    assert {row["integrator"] for row in rows} == {"euler", "rk4"}
+    for row in rows:
+        (line,) = [line for line in text.splitlines() if line.startswith(f"{row['run']}: ")]
+        assert f"{number(row['projection_rounds_mean'])} rounds" in line
+        assert f"0 of {number(row['steps_done'])} steps not brought onto the constraints" in line
+    front = text.partition("\n## ")[0]
+    assert f"stand open by at most {number(max(row['drift_pos_max'] for row in rows), 'm')}" in front
+
+
+def test_units_are_those_of_the_rows_and_of_the_truth(tmp_path):
+    """A gear train has angles in its rows and in its truth; a slider-crank is known by a slide, in m."""
+    rows = {"gear_train": ("rad", "rad/s", "rad"), "spatial_slider_crank": ("m", "m/s", "m")}
+    for name, (unit, rate_unit, truth_unit) in rows.items():
+        results = run(
+            name, mode="free", solver="pinv", stabilisation="projection", duration_s=0.01, out=tmp_path / name
+        )
+        text = (write_report(tmp_path / name, tmp_path / "report" / name) / "README.md").read_text(encoding="utf-8")
+        row = only(results.rows, mode="free", form="hard")
+        (said,) = [line for line in text.splitlines() if line.startswith("**Projection.**")]
+        assert f"at most {number(row['drift_pos_max'], unit)} and" in said
+        assert f"at most {number(row['drift_vel_max'], rate_unit)} (" in said
+        assert f"is {number(row['truth_error_max'], truth_unit)} away" in said
+        deviations = (tmp_path / "report" / name / "figures" / "deviations.svg").read_text(encoding="utf-8")
+        assert f"|deviation| ({unit})" in deviations
+
+
+def test_a_run_beyond_its_truth(tmp_path):
+    """The truth ends before the run does: its curve ends there."""
+    toml = "title = 'x'\nrun.duration_s = 0.02\ntruth = { file = 'short.csv', joint = 'crank', source = 'nobody' }"
+    path = write_model(tmp_path / "bar", four_bar(), toml)
+    head = "time,position,velocity,acceleration\n"
+    (tmp_path / "bar" / "short.csv").write_text(head + "0,0,0,0\n0.01,0,0,0\n", encoding="utf-8")
+    run(path.parent, mode="free", solver="pinv", out=tmp_path / "results")
+    page = write_report(tmp_path / "results", tmp_path / "report") / "README.md"
+    assert "![truth](figures/truth.svg)" in page.read_text(encoding="utf-8")
 
 
 def test_all_gates_appear(boat_run, boat_report):

@@ -1,5 +1,6 @@
 """Tables on disk and the summary: whole files only, one schema, figures that can be computed again."""
 
+import dataclasses
 import json
 import math
 
@@ -9,7 +10,7 @@ import pytest
 from mechanisms import boat_copy, four_bar, only, write_model
 from oarlock import InputError, load_case, run
 from oarlock.aggregate import judge, summarise
-from oarlock.cases import Gate
+from oarlock.case_file import Gate
 from oarlock.metrics import largest, relative_difference
 from oarlock.results import SCHEMA, Recorder, ResultFolder, RunKey, RunResult, replacing, write_text
 
@@ -67,7 +68,7 @@ def recorded(**columns):
 
 def test_summary_keeps_the_contract(boat_run):
     assert set(boat_run.document) >= {"provenance", "runs"}
-    assert len(boat_run.rows) == 29
+    assert len(boat_run.rows) == 31
     for row in boat_run.rows:
         assert set(row) >= CONTRACT
         assert row["steps"] == row["steps_done"] == 12_000
@@ -104,6 +105,25 @@ def test_first_solve_is_no_refresh():
 def test_iterations_are_per_solve():
     row = summarise(recorded(solves=[4, 4], iterations=[4, 12], iterations_worst=[1, 5]))
     assert (row["iterations_mean"], row["iterations_max"]) == (2.0, 5)
+
+
+def test_summary_of_projections():
+    """Rounds are a step's, iterations a solve's; without projections there is nothing to report."""
+    row = summarise(
+        recorded(
+            projection=["landed", "too-far", "open", "landed"],
+            projection_rounds=[1, 0, 2, 1],
+            projection_solves=[2, 1, 3, 4],
+            projection_iterations=[4, 1, 0, 0],
+            projection_moved=[1e-9, 0.0, 3e-9, 2e-9],
+        )
+    )
+    assert row["unprojected"] == 2
+    assert (row["projection_rounds_mean"], row["projection_rounds_max"]) == (1.0, 2)
+    assert (row["projection_iterations_mean"], row["projection_moved_max"]) == (0.5, 3e-9)
+    row = summarise(recorded(step=[0, 1]))
+    names = ["unprojected", "projection_rounds_mean", "projection_rounds_max", "projection_iterations_mean"]
+    assert [row[name] for name in (*names, "projection_moved_max")] == [None] * 5
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
@@ -194,6 +214,12 @@ def test_names_of_settings_cannot_leave_the_folder(tmp_path):
     key = RunKey("../c", "free", "pinv", "pinv", "hard", "rk4", "../../etc/passwd", "python", 1e-3, 3)
     ResultFolder(tmp_path / "in").write_steps(RunResult(key, "done", "", Recorder().frame()))
     assert [path.parent for path in tmp_path.rglob("*.parquet")] == [tmp_path / "in" / "steps"]
+
+
+def test_file_names_tell_stabilisations_apart_and_keep_quiet_about_the_default():
+    keys = [dataclasses.replace(KEY, stabilisation=how) for how in (None, "baumgarte", "projection", "both")]
+    names = [key.slug for key in keys]
+    assert names == ["free-hard-pinv-rk4"] * 2 + ["free-hard-pinv-projection-rk4", "free-hard-pinv-both-rk4"]
 
 
 def test_nothing_is_written_without_a_folder(tmp_path, monkeypatch):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mechanisms import boat_with, case_of, four_bar, write_model
 from oarlock import InputError, load_case
-from oarlock.mechanism import load_mechanism
+from oarlock.mechanism import jacobian, load_mechanism
 from oarlock.start import consistent_start
 from tolerances import CLOSED, START_UNCHANGED
 
@@ -52,11 +52,12 @@ def test_disturbed_start_is_closed(seed):
 def test_projected_velocity_is_the_nearest_in_kinetic_energy():
     """v − v₀ is M-orthogonal to every velocity that the constraints admit."""
     start, data = started(boat_with(start={**load_case("boat").file.start.model_dump(), "qvel": {"crank": 1.0}}))
-    jacobian = data.efc_J.reshape(6, 5)
+    model = load_mechanism(load_case("boat"), integrator="rk4")
     mass = np.zeros((5, 5))
-    mujoco.mj_fullM(load_mechanism(load_case("boat"), integrator="rk4"), data, mass)
-    admissible = np.linalg.svd(jacobian)[2][4:]
-    assert np.abs(jacobian @ admissible.T).max() <= CLOSED
+    mujoco.mj_fullM(model, data, mass)
+    rows = jacobian(model, data)
+    admissible = np.linalg.svd(rows)[2][4:]
+    assert np.abs(rows @ admissible.T).max() <= CLOSED
     assert np.abs(admissible @ mass @ (start.qvel - [1, 0, 0, 0, 0])).max() <= 10 * CLOSED  # masses of 13 kg m²
 
 
@@ -67,6 +68,24 @@ def test_consistent_velocity_is_left_alone():
     qvel = dict(zip(qpos, start.qvel.tolist(), strict=True))
     again, _ = started(boat_with(start={"qpos": qpos, "qvel": qvel}))
     np.testing.assert_array_equal(again.qvel, start.qvel)
+
+
+KEY = '<keyframe><key name="{}" qpos="0.1 0.2 0.3" qvel="1 0 0"/></keyframe>'
+
+
+def test_keyframe_is_the_start(tmp_path):
+    """Under its own name only, entries of [start] on top, and closed like any other start."""
+    path = write_model(tmp_path, four_bar(rest=KEY.format("start")))
+    start, data = started(case_of(path))
+    asked, _ = started(case_of(path, start={"qpos": dict(zip(JOINTS, [0.1, 0.2, 0.3], strict=True)), "qvel": MOVING}))
+    np.testing.assert_array_equal(start.qpos, asked.qpos)
+    np.testing.assert_array_equal(start.qvel, asked.qvel)
+    assert np.abs(data.efc_vel).max() <= CLOSED
+    assert start.moved > 0.01
+    still, _ = started(case_of(path, start={"qvel": {"crank": 0.0}}))
+    assert not still.qvel.any()
+    other, _ = started(case_of(write_model(tmp_path, four_bar(rest=KEY.format("home")))))
+    assert not other.qpos.any()
 
 
 def test_unclosable_loop_is_named_with_its_gap(tmp_path):
@@ -114,6 +133,7 @@ def test_disabled_equalities(tmp_path):
         started(case_of(path))
 
 
+JOINTS, MOVING = ["crank", "coupler", "rocker"], {"crank": 1.0}
 HAND = '<geom name="hand" type="sphere" size="0.1" contype="1" conaffinity="1"/>'
 WALL = """<worldbody>
   <geom name="wall" type="sphere" size="0.1" pos="0 0 0.3" contype="1" conaffinity="1"/></worldbody>"""

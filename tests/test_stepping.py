@@ -1,5 +1,7 @@
 """Stepping: MuJoCo's own force through our integrators is MuJoCo; what they must not leave out; the drive's hook."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -114,6 +116,85 @@ def test_calibration_notices_a_drive_held_over_the_step():
     case = load_case("boat")
     setup = setup_of(case, "rk4")
     assert difference(setup, drive=FrozenDrive(setup.model, case)) > FROZEN_DRIVE
+
+
+SPINNING = """
+<mujoco>
+  <option timestep="0.005" gravity="0 0 -9.81" integrator="RK4"/>
+  <worldbody>
+    <body name="top">
+      <freejoint name="free"/><inertial pos="0.05 -0.02 0.1" mass="1" diaginertia="0.02 0.05 0.06"/>
+    </body>
+  </worldbody>
+</mujoco>"""
+"""An asymmetric body in free flight, about its own frame that is not at its centre of mass."""
+
+BALL_CHAIN = """
+<mujoco>
+  <option timestep="0.005" gravity="0 0 -9.81" integrator="RK4"/>
+  <default><geom type="box" size="0.03 0.05 0.2" pos="0 0 0.2" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="a" pos="0 0 1">
+      <joint name="a" type="ball"/><geom/>
+      <body name="b" pos="0 0 0.4">
+        <joint name="b" type="ball"/><geom/>
+        <body name="c" pos="0 0 0.4"><joint name="c"/><geom/><site name="end" pos="0 0 0.4"/></body>
+      </body>
+    </body>
+    <body name="d" pos="0 0 2.4"><freejoint name="d"/><geom pos="0 0 0"/><site name="eye" pos="0 0 -0.2"/></body>
+  </worldbody>
+  <equality><connect name="hook" site1="end" site2="eye"/></equality>
+</mujoco>"""
+"""Ball joints and a hinge, hooked to a free body."""
+
+SPIN = {SPINNING: [0.1, 0.2, 0.3, 9.0, 5.0, -7.0], BALL_CHAIN: np.linspace(4.0, -5.0, 13)}
+
+
+def spinning(xml, spin, timestep=None):
+    """A model with a drive that does nothing, and a state in full turn."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.timestep = timestep or model.opt.timestep
+    data = mujoco.MjData(model)
+    data.qvel[:] = spin
+    return model, data, Drive(model, case_of(Path("spinning.xml")))
+
+
+def turned(xml, spin, *, corrected=True):
+    """Largest difference of our Runge–Kutta walk from MuJoCo's, in any number of the state."""
+    model, theirs, _ = spinning(xml, spin)
+    _, ours, drive = spinning(xml, spin)
+    walkers = MujocoWalker(model, theirs), ForcedWalker(model, ours, drive, MujocoForce(model))
+    if not corrected:
+        walkers[1]._turns = np.zeros((0, 3), dtype=int)
+    worst = 0.0
+    for _ in range(60):
+        for walker in walkers:
+            walker.look()
+            walker.step()
+        worst = max(worst, *(np.abs(a - b).max() for a, b in ((theirs.qpos, ours.qpos), (theirs.qvel, ours.qvel))))
+    return worst
+
+
+@pytest.mark.parametrize("xml", SPIN, ids=["free body", "ball chain"])
+def test_orientations_step_as_mujocos(xml):
+    assert turned(xml, SPIN[xml]) <= CALIBRATION
+    assert turned(xml, SPIN[xml], corrected=False) > CALIBRATION_BROKEN
+
+
+def test_orientations_are_of_order_four():
+    """Against a run of far smaller steps; without the correction the ratio is 4."""
+
+    def orientation(timestep):
+        model, data, drive = spinning(SPINNING, SPIN[SPINNING], timestep)
+        walker = ForcedWalker(model, data, drive, MujocoForce(model))
+        for _ in range(round(0.4 / timestep)):
+            walker.look()
+            walker.step()
+        return data.qpos[3:].copy()
+
+    exact = orientation(5e-4)
+    coarse, fine = (np.abs(orientation(timestep) - exact).max() for timestep in (1e-2, 5e-3))
+    assert RK4_ORDER_LOW < coarse / fine < RK4_ORDER_HIGH
 
 
 def test_runge_kutta_is_of_order_four():

@@ -8,11 +8,16 @@ PAPER_FORMULA = 1e-8
 REFERENCE_CURVATURE = 1e-9
 """Relative. J̇v recovered from aref cancels the much larger stiffness term, up to 1e4 times the rounding of aref."""
 
-FINITE_DIFFERENCE_STEP = 1e-5
-"""s. Truncation ~ step², rounding ~ 1e-16 / step: the two meet near 1e-5."""
+FINITE_DIFFERENCE_STEP = 1e-4
+"""s. Five-point differences: truncation ~ step⁴, rounding ~ 1e-16 / step; the two meet near 1e-3, and speeds of some
+/s shorten the step that a motion sees."""
 
-FINITE_DIFFERENCE = 1e-7
-"""Relative. Central differences with that step: 1e-10 of the third derivatives, 1e-11 of rounding, times lengths."""
+FINITE_DIFFERENCE = 1e-9
+"""Relative. Five-point differences with that step: 1e-12 of rounding, and truncation ~ 1e-16 times the fifth
+derivatives, which a tendon of some centimetres raises to 1e-10 (measured)."""
+
+SAME_POINT = 1e-14
+"""m. Two ways to one point some metres from the origin: rounding."""
 
 # Starts.
 
@@ -24,11 +29,12 @@ START_UNCHANGED = 1e-12
 
 # Outside truth.
 
-TRUTH_REGENERATED = 1e-12
-"""rad, rad/s. The same solver at 1e-13 on another machine: libm's last bit, through 12 s."""
+TRUTH_TABLE = 3e-11
+"""Relative to the largest position or velocity. The same script on another machine: a last bit of libm in every
+evaluation moves the tables by 1.2e-11 at most (spatial_slider_crank; 5e-13 where nothing magnifies it; measured)."""
 
-TRUTH_REGENERATED_ACCELERATION = 2e-9
-"""rad/s². ``TRUTH_REGENERATED`` times the motor's stiffness over the inertia, 1333 /s²."""
+TRUTH_TABLE_ACCELERATION = 1e-10
+"""The same of accelerations, where the stiffest forces make 2.3e-11 of it (andrews_squeezer; measured)."""
 
 TRUTH_OTHER_SOLVER = 1e-11
 """rad. Two integrations at 1e-13 relative of a motion of 14.7 rad, by other methods, steps or coordinates."""
@@ -71,11 +77,48 @@ HARD_DRIFT = 1e-9
 ENERGY_DRIFT = 1e-5
 """Relative to the kinetic energy. Runge–Kutta and the drift of an unstabilised loop over a second at 2 ms."""
 
+MOMENTUM_DRIFT = 5e-9
+"""kg m/s, kg m²/s. Runge–Kutta's own error at 1 ms over 0.3 s: 1.1e-9 measured, sixteen times that at 2 ms."""
+
+OPEN_LOOP_TORQUE = 1e-7
+"""kg m²/s. What the forces of a soft loop must at least make of angular momentum, at points that stand apart: 3e-6."""
+
 RK4_ORDER_LOW, RK4_ORDER_HIGH = 12.0, 20.0
 """Ratio of the truth error when the timestep is halved: 2⁴ = 16, with the next order's share at finite steps."""
 
 FROZEN_DRIVE = 1e-7
 """rad. What a drive that is held over a Runge–Kutta step must at least spoil within 0.2 s."""
+
+CURVATURE_SHOWS = 0.03
+"""Relative. A stiff row's deviation against J̇v/(K d), its rest without inertia: it lags by two time constants of 4 ms
+behind a J̇v that changes over 0.2 s and more, and its force adds the softness of 1e-4 (0.0005 and 0.007 measured)."""
+
+CURVATURE_RESTORED = 0.02
+"""Of the deviation. What is left once J̇v is in the question: 1e-4 of softness, 0.001 and 0.007 measured."""
+
+GEAR_TORQUE = 1e-10
+"""Of the torque. Rounding times the condition of A, and the rounding of two mirrored fingers: 1e-12 measured."""
+
+# Projection.
+
+PROJECTED = 1e-14
+"""m or rad, and per s. Two roundings of a model of 8 m, where the projection stops: 3.6e-15 on the boat (measured)."""
+
+M_ORTHOGONAL = 1e-9
+"""Relative. The first solve of sr1-tracked is an eigendecomposition: rounding times the condition of A on its range."""
+
+NEARLY_REDUNDANT = 1e-3
+"""Relative singular value of J. A redundant row that is 1e-4 m open gets about 1e-4, the smallest true one is 0.3."""
+
+STRAIGHT_WAY = 1e-9
+"""rad. What rounding, magnified by a nearly singular pose, may put between two parallel bars: 2e-13 measured."""
+
+SINGULAR_ENERGY = 1e-8
+"""Relative. Runge–Kutta at 2 ms over three seconds of a parallelogram: 6e-11 (measured)."""
+
+SINGULAR_ENERGY_LOST = 1e-6
+"""Relative. What Baumgarte's terms at least make of it: 7e-4 (pinv) and 0.27 (sr1-tracked) measured, and how much hangs
+on the last bit."""
 
 # The method.
 
@@ -87,3 +130,11 @@ ITERATIONS_BAND = 0.05
 
 SOLVE_RESIDUAL = 1e-10
 """Relative. Pseudo-inverse of matrices whose positive eigenvalues span three decades: rounding times 1e3, with room."""
+
+# Reactions.
+
+DETERMINED_REACTION = 1e-8
+"""Relative to the largest multiplier. Two pseudo-inverses of one problem: rounding times A's condition, below 1e8."""
+
+ARBITRARY_REACTION = 1e-3
+"""As above. What weights between ½ and 2 must at least move a multiplier that is not determined: tenths, mostly."""

@@ -9,7 +9,7 @@
 """
 
 from oarlock._core import VERSION, make_solver
-from oarlock.cases import load_case, model_names
+from oarlock.cases import load_case, model_names, variant_names
 from oarlock.errors import InputError
 from oarlock.run import Results, run
 from oarlock.solvers import solver_names
@@ -25,4 +25,5 @@ __all__ = [
     "model_names",
     "run",
     "solver_names",
+    "variant_names",
 ]

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from oarlock.cases import Case, Gate
+from oarlock.case_file import Gate
+from oarlock.cases import Case
 from oarlock.errors import InputError
 from oarlock.results import RunResult
 
@@ -26,12 +27,17 @@ def _maximum(steps: pl.DataFrame, column: str) -> float | None:
     return _number(steps[column].max())
 
 
+def _ratio(steps: pl.DataFrame, column: str, over: str) -> float | None:
+    total = int(steps[over].sum())
+    return int(steps[column].sum()) / total if total else None
+
+
 def summarise(result: RunResult) -> dict[str, Any]:
     """The summary row of a run. A figure that does not apply is None.
 
-    iterations_mean is over solves (RK4 makes four a step); refreshes leave out the first solve of each fold, which has
-    to start from something, and refolds count the folds after the first; energy_drift_rel is relative to the largest
-    kinetic energy.
+    iterations_mean and projection_iterations_mean are over solves (RK4 makes four a step); refreshes leave out the
+    first solve of each fold, which has to start from something, and refolds count the folds after it; unprojected
+    counts the steps whose projection did not land; energy_drift_rel is relative to the largest kinetic energy.
     """
     steps, key = result.steps, result.key
     row: dict[str, Any] = {"run": key.slug, **asdict(key)}
@@ -45,6 +51,7 @@ def summarise(result: RunResult) -> dict[str, Any]:
     if kinetic:
         energy = steps["energy"].to_numpy()
         energy_drift = float(np.abs(energy - energy[0]).max() / steps["kinetic_energy"].to_numpy().max())
+    landings = steps["projection"].drop_nulls()
     solve_ns = steps.select(pl.col("solve_ns") / pl.col("solves")).to_series().median()
     row.update(
         status=result.status,
@@ -67,8 +74,16 @@ def summarise(result: RunResult) -> dict[str, Any]:
         drift_pos_max=_maximum(steps, "drift_pos"),
         drift_vel_max=_maximum(steps, "drift_vel"),
         drift_acc_max=_maximum(steps, "drift_acc"),
+        unprojected=int((landings != "landed").sum()) if len(landings) else None,
+        projection_rounds_mean=_number(steps["projection_rounds"].mean()),
+        projection_rounds_max=steps["projection_rounds"].max(),
+        projection_iterations_mean=_ratio(steps, "projection_iterations", "projection_solves"),
+        projection_moved_max=_maximum(steps, "projection_moved"),
         energy_drift_rel=_number(energy_drift),
         truth_error_max=_maximum(steps, "truth_error"),
+        published_position_error_max=_maximum(steps, "published_position_error"),
+        published_velocity_error_rel_max=_maximum(steps, "published_velocity_error_rel"),
+        published_multiplier_error_rel_max=_maximum(steps, "published_multiplier_error_rel"),
         trajectory_diff_max=_maximum(steps, "trajectory_diff"),
         solve_ns_median=_number(solve_ns),
         step_us_median=_number(steps["step_us"].median()),
@@ -82,19 +97,15 @@ class Verdict:
 
     gate: Gate
     run: str | None
-    value: float | None
+    value: float | str | None
     held: bool | None
     """None: not checked, for no run was picked."""
 
     def line(self) -> str:
         """One line with figure and limit."""
-        bounds = [
-            f"≥ {self.gate.min:g}" if self.gate.min is not None else "",
-            f"≤ {self.gate.max:g}" if self.gate.max is not None else "",
-        ]
-        limit = " and ".join(bound for bound in bounds if bound)
-        value = "not measured" if self.value is None else f"{self.value:.4g}"
-        return f"{self.gate.figure} = {value} of {self.run or 'no run'}, expected {limit} ({self.gate.cause})"
+        value = "not measured" if self.value is None else self.value
+        value = value if isinstance(value, str) else f"{value:.4g}"
+        return f"{self.gate.figure} = {value} of {self.run or 'no run'}, expected {self.gate.limit} ({self.gate.cause})"
 
 
 def judge(case: Case, rows: list[dict[str, Any]], *, complete: bool = False) -> list[Verdict]:
@@ -108,9 +119,10 @@ def judge(case: Case, rows: list[dict[str, Any]], *, complete: bool = False) -> 
     verdicts = []
     for gate in case.file.gates:
         if rows:
-            figures = {name for row in rows for name, value in row.items() if isinstance(value, int | float)}
+            kind, wanted = (str, "in words") if gate.equal is not None else (int | float, "with a number")
+            figures = {name for row in rows for name, value in row.items() if isinstance(value, kind)}
             if gate.figure in rows[0] and gate.figure not in figures and any(row[gate.figure] for row in rows):
-                raise InputError(f"gate of case '{case.name}' bounds '{gate.figure}', expected a figure with a number")
+                raise InputError(f"gate of case '{case.name}' bounds '{gate.figure}', expected a figure {wanted}")
             unknown = [name for name in (gate.figure, *gate.where) if name not in rows[0]]
             if unknown:
                 raise InputError(
@@ -121,8 +133,6 @@ def judge(case: Case, rows: list[dict[str, Any]], *, complete: bool = False) -> 
             verdicts.append(Verdict(gate, None, None, False if complete else None))
         for row in picked:
             value = row[gate.figure]
-            low = value is not None and (gate.min is None or value >= gate.min)
-            high = value is not None and (gate.max is None or value <= gate.max)
             whole = row["status"] != "diverged"  # what a run showed before it diverged proves nothing
-            verdicts.append(Verdict(gate, row["run"], value, low and high and whole))
+            verdicts.append(Verdict(gate, row["run"], value, gate.holds(value) and whole))
     return verdicts

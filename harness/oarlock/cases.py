@@ -1,205 +1,65 @@
-"""A case: one folder of ``mjcf/`` with a model, its start, its drive, what is expected of it, and its gates.
+"""A case: one folder of ``mjcf/`` with a model and its ``case.toml``, found by name or path.
 
-``case.toml`` is data. Every mistake in it is named with file, key, value and what was expected.
+A parametrised model is one case with variants, addressed as ``NAME:key=value,…``.
 """
 
-import tomllib
+import os
+import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-
-from oarlock._core import TimeLaw
-from oarlock.errors import InputError, one_line
+from oarlock.case_file import CaseFile, fill, read_case_file
+from oarlock.errors import InputError
+from oarlock.options import Number, join_options, split_options
 
 MODELS = Path(__file__).parent / "models"
 """The models that come with oarlock (``mjcf/`` of the repository, carried in the wheel)."""
 
-Integrator = Literal["euler", "implicit", "implicitfast", "rk4"]
-Form = Literal["matched", "hard"]
-Mode = Literal["calibration", "lockstep", "one-step", "free"]
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
-Count = Annotated[int, Field(ge=0, strict=True)]
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
-
-
-class RunDefaults(_Table):
-    """How long, how fine, with which integrator."""
-
-    duration_s: Positive = 10.0
-    timestep_s: Positive | None = None  # None: the model's own
-    integrator: Integrator = "rk4"
-
-
-class Start(_Table):
-    """Joint name → position (rad, m; a list for ball and free joints) and → velocity; the rest as in the model."""
-
-    qpos: dict[str, Finite | list[Finite]] = {}
-    qvel: dict[str, Finite | list[Finite]] = {}
-
-
-class Drive(_Table):
-    """Actuator name → law of time for its control, with named constants (numbers, or expressions of earlier ones)."""
-
-    constants: dict[str, Finite | str] = {}
-    ctrl: dict[str, str] = {}
-
-    def values(self) -> dict[str, float]:
-        """The constants as numbers.
-
-        Raises:
-            InputError: an expression does not parse or names something unknown.
-        """
-        known: dict[str, float] = {}
-        for name, value in self.constants.items():
-            if isinstance(value, str):
-                law = TimeLaw(value, known)
-                if not law.is_constant:
-                    raise InputError(f"constant {name} = '{value}' depends on t, expected a constant")
-                value = law.at(0.0)
-            known[name] = value
-        return known
-
-    def laws(self) -> dict[str, TimeLaw]:
-        """Actuator name → parsed law.
-
-        Raises:
-            InputError: a law does not parse or names something unknown.
-        """
-        constants = self.values()
-        return {actuator: TimeLaw(source, constants) for actuator, source in self.ctrl.items()}
-
-    @model_validator(mode="after")
-    def _parse(self) -> "Drive":
-        self.laws()  # an InputError is a ValueError, which pydantic reports with the key
-        return self
-
-
-class Expect(_Table):
-    """What the model must turn out to be at its start: checked, not believed."""
-
-    nv: Count | None = None
-    rows: Count | None = None
-    rank: Count | None = None
-    dof: Count | None = None
-
-
-class Baumgarte(_Table):
-    """The hard form asks for J a = −J̇v − 2β Jv − k r. β in 1/s, k in 1/s²."""
-
-    beta: NonNegative = 0.0
-    k: NonNegative = 0.0
-
-
-class Settings(_Table):
-    """A way of running MuJoCo itself; what is left out stays as in the model. Applied to every equality."""
-
-    solver: Literal["newton", "cg", "pgs"] | None = None
-    solref: tuple[Finite, Finite] | None = None
-    solimp: tuple[Finite, Finite, Finite, Finite, Finite] | None = None
-
-
-class Truth(_Table):
-    """Outside truth: a CSV with columns time, position, velocity, acceleration of one joint."""
-
-    file: str
-    joint: str
-    source: str
-
-
-class Paper(_Table):
-    """Figures printed by others, for the report."""
-
-    source: str
-    iterations_mean: Positive | None = None
-
-
-class Experiment(_Table):
-    """A group of runs: every integrator × setting × form × solver it names."""
-
-    mode: Mode
-    walker: str = "mujoco"
-    forms: list[Form] = ["hard"]
-    solvers: list[str] = ["pinv"]
-    integrators: list[Integrator] | None = None  # None: the case's
-    settings: list[str] = ["default"]
-
-
-class Gate(_Table):
-    """A bound on a figure of the summary, on every run that ``where`` picks. ``cause`` says why this bound."""
-
-    figure: str
-    where: dict[str, str] = {}
-    min: Finite | None = None
-    max: Finite | None = None
-    cause: str
-
-    @model_validator(mode="after")
-    def _bounded(self) -> "Gate":
-        if self.min is None and self.max is None:
-            raise ValueError("expected min or max: a gate without a bound cannot fail")
-        if self.min is not None and self.max is not None and self.min > self.max:
-            raise ValueError(f"min = {self.min:g} above max = {self.max:g}: a gate that cannot hold")
-        return self
-
-
-DEFAULT_EXPERIMENTS = [
-    Experiment(mode="calibration"),
-    Experiment(mode="lockstep", forms=["matched", "hard"], solvers=["pinv", "sr1"]),
-    Experiment(mode="free", forms=["matched", "hard"], solvers=["mujoco", "pinv"]),
-]
-"""What a case that names no experiments runs."""
-
-
-class CaseFile(_Table):
-    """The contents of ``case.toml``."""
-
-    title: str
-    summary: str = ""
-    source: str = ""
-    tags: list[str] = []
-    rank_cut: Annotated[float, Field(gt=0, lt=1, strict=True)] | None = None
-    run: RunDefaults = RunDefaults()
-    start: Start = Start()
-    drive: Drive = Drive()
-    expect: Expect = Expect()
-    baumgarte: Baumgarte = Baumgarte()
-    settings: dict[str, Settings] = {}
-    truth: Truth | None = None
-    paper: Paper | None = None
-    experiments: list[Experiment] = Field(default=DEFAULT_EXPERIMENTS, min_length=1)
-    gates: list[Gate] = []
-
-    def setting(self, name: str) -> Settings:
-        """The named way of running MuJoCo; ``default`` is the model as it stands.
-
-        Raises:
-            InputError: there is none of that name.
-        """
-        known = {"default": Settings(), **self.settings}
-        if name not in known:
-            raise InputError(f"unknown settings '{name}', expected one of: {', '.join(known)}")
-        return known[name]
-
 
 class Case:
-    """A case file with its name and its folder."""
+    """A case file with the name of its model, its folder, and the parameters of a variant.
 
-    def __init__(self, name: str, model_path: Path, file: CaseFile):
-        self.name = name
+    Attributes:
+        model: name of the model.
+        model_path: ``model.xml`` or ``model.py``.
+        parameters: complete, in the order of the case file.
+        file: the contents that hold for these parameters.
+        listed: whether bounds were set for these parameters: the defaults or those of a variant.
+    """
+
+    def __init__(self, model: str, model_path: Path, file: CaseFile, given: dict[str, Number] | None = None):
+        self.model = model
         self.model_path = model_path
-        self.file = file
+        self.parameters = file.complete(given or {})
+        self.listed = self.parameters in file.listed_parameters()
+        self.file = file.of(self.parameters)
+
+    @property
+    def name(self) -> str:
+        """``MODEL``, or ``MODEL:key=value,…`` with the parameters that are not the defaults."""
+        defaults = self.file.parameters
+        return join_options(self.model, {k: v for k, v in self.parameters.items() if v != defaults[k]})
+
+    @property
+    def slug(self) -> str:
+        """The name as a name for files and folders."""
+        return re.sub(r"[:,]", "-", self.name)
 
     @property
     def folder(self) -> Path:
         """Where the model and its companions lie."""
         return self.model_path.parent
+
+    @property
+    def truth_path(self) -> Path | None:
+        """The table of the outside truth; None if there is none for these parameters."""
+        if self.file.truth is None:
+            return None
+        path = self.folder / fill(self.file.truth.file, self.parameters)
+        return path if self.listed or path.is_file() else None
+
+    def expected(self) -> dict[str, int | str]:
+        """What the model must turn out to be at its start. Raises InputError as ``Expect.values``."""
+        return self.file.expect.values(self.parameters)
 
 
 def model_names() -> list[str]:
@@ -207,45 +67,42 @@ def model_names() -> list[str]:
     return sorted(path.parent.name for path in MODELS.glob("*/case.toml"))
 
 
+def variant_names(model: str | Path) -> list[str]:
+    """What the suite runs of a model: its name, then ``MODEL:key=value,…`` for every variant. For ``load_case``.
+
+    Raises:
+        InputError: as ``load_case``.
+    """
+    variants = load_case(model).file.variants
+    return [str(model), *(join_options(str(model), variant.parameters) for variant in variants)]
+
+
 def load_case(model: str | Path) -> Case:
     """Loads a case by the name of its model, the path of its folder, or the path of any MJCF file.
 
-    An MJCF file next to a ``case.toml`` takes it; one without runs with defaults.
+    A parametrised model takes ``:key=value,…`` after it. An MJCF file next to a ``case.toml`` takes it; one without
+    runs with defaults.
 
     Raises:
-        InputError: no such model, or a mistake in its ``case.toml``.
+        InputError: no such model, a mistake in its ``case.toml``, or a parameter that it does not have.
     """
-    path = Path(model)
-    if path.suffix == ".xml":
+    text, given = (str(model), {}) if os.path.exists(model) else split_options(str(model), "parameter")
+    path = Path(text)
+    if path.suffix in (".xml", ".py"):
         if not path.is_file():
             raise InputError(f"no model file '{path}'")
         case_path = path.parent / "case.toml"
-        if path.name == "model.xml" and case_path.is_file():
-            return Case(path.resolve().parent.name, path, read_case_file(case_path))
-        return Case(path.stem, path, CaseFile(title=path.stem))
-    folder = MODELS / model if str(model) in model_names() else path
+        if path.stem == "model" and case_path.is_file():
+            return Case(path.resolve().parent.name, path, read_case_file(case_path), given)
+        return Case(path.stem, path, CaseFile(title=path.stem), given)
+    folder = MODELS / text if text in model_names() else path
     if not (folder / "case.toml").is_file():
         raise InputError(
             f"unknown model '{model}', expected one of: {', '.join(model_names())}; or a path to an MJCF file"
         )
-    return Case(folder.resolve().name, folder / "model.xml", read_case_file(folder / "case.toml"))
-
-
-def read_case_file(path: Path) -> CaseFile:
-    """Reads and checks a ``case.toml``.
-
-    Raises:
-        InputError: not readable, not TOML, or a value that is not as expected.
-    """
-    try:
-        data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not valid TOML: {one_line(error)}") from None
-    try:
-        return CaseFile.model_validate(data)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        key = ".".join(str(part) for part in first["loc"])
-        got = one_line(repr(first["input"]))
-        got = got if len(got) <= 80 else got[:77] + "..."
-        raise InputError(f"{path}: {key} = {got}: {one_line(first['msg'])}") from None
+    model_path = folder / "model.xml"
+    if (folder / "model.py").is_file():
+        if model_path.is_file():
+            raise InputError(f"'{folder}' holds model.xml and model.py, expected one of the two")
+        model_path = folder / "model.py"
+    return Case(folder.resolve().name, model_path, read_case_file(folder / "case.toml"), given)

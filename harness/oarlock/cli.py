@@ -24,6 +24,9 @@ from oarlock.run import run as run_model
 
 GATE_FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 1, 2, 130, 141
 
+WIDE = 1000
+"""Columns of a table that no terminal shows: wide enough for every reference and tag."""
+
 app = typer.Typer(
     help="Cross-validates closed-chain MuJoCo models: exact constraint multipliers against MuJoCo, step by step.",
     no_args_is_help=True,
@@ -85,6 +88,8 @@ class _BarProgress(Progress):
 
 
 def _ending(row: dict[str, Any]) -> str:
+    if row["status"] == "unprojected":
+        return f"{row['unprojected']} of {row['steps_done']} projections did not reach the constraints"
     return row["message"] or f"{row['unconverged']} of {row['solves']} solves did not converge"
 
 
@@ -111,9 +116,12 @@ def _print_summary(results: Results) -> None:
         table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
     for row in results.rows:
         table.add_row(*(_cell(row[name]) for name in _COLUMNS))
-    # Without a terminal a table must not be cut to the width of one.
-    console = Console() if sys.stdout.isatty() else Console(width=200)
-    console.print(table)
+    _console().print(table)
+
+
+def _console() -> Console:
+    """Standard output. Without a terminal a table must not be cut to the width of one."""
+    return Console() if sys.stdout.isatty() else Console(width=WIDE)
 
 
 @app.command("list")
@@ -121,7 +129,7 @@ def _print_summary(results: Results) -> None:
 def list_models(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON on standard output.")] = False,
 ) -> None:
-    """The models that come with oarlock."""
+    """The models that come with oarlock. Files, pipes and --json get their references and tags as well."""
     from oarlock.catalogue import catalogue
 
     entries = catalogue()
@@ -129,18 +137,22 @@ def list_models(
         _emit_json(entries, "-")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
-    names = ["name", "title", "nq", "nv", "rows", "rank", "redundancy", "dof", "reference", "tags"]
+    names = ["name", "title", "nq", "nv", "rows", "rank", "redundancy", "dof"]
+    if not sys.stdout.isatty():
+        names += ["reference", "tags"]  # longer than a terminal is wide
     for name in names:
-        table.add_column(name, no_wrap=True)
+        table.add_column(name, no_wrap=name != "title")
     for entry in entries:
         table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else _cell(v) for name in names))
-    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+    _console().print(table)
 
 
 @app.command()
 @_ends()
 def run(
-    model: Annotated[str, typer.Argument(metavar="MODEL|FILE.xml", help="A model's name, or any MJCF file.")],
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL[:key=value,…]|FILE.xml", help="A model's name, or any MJCF file.")
+    ],
     solver: Annotated[
         list[str] | None, typer.Option(metavar="NAME[:key=value,…]", help="Solver; may be repeated.")
     ] = None,
@@ -148,9 +160,15 @@ def run(
     mode: Annotated[str | None, typer.Option(help="lockstep, one-step, free or all.")] = None,
     walker: Annotated[str | None, typer.Option(help="Who walks in lockstep: mujoco or a solver.")] = None,
     integrator: Annotated[str | None, typer.Option(help="euler, implicit, implicitfast or rk4.")] = None,
+    stabilisation: Annotated[
+        str | None, typer.Option(help="What holds exact constraints: baumgarte, projection or both.")
+    ] = None,
     timestep: Annotated[float | None, typer.Option(metavar="S", help="Timestep in s.")] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Duration in s.")] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the solvers that have one.")] = None,
+    ignore_inequalities: Annotated[
+        bool, typer.Option("--ignore-inequalities", help="Run without the model's contacts, limits and friction.")
+    ] = False,
     stepping: Annotated[str, typer.Option(help="auto or python: the path that steps with our forces.")] = "auto",
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the tables [default: results/MODEL].")
@@ -162,7 +180,7 @@ def run(
     from oarlock.errors import choose
 
     choose("stepping", stepping, ["auto", "python"])
-    folder = out or Path("results") / load_case(model).name
+    folder = out or Path("results") / load_case(model).slug
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -176,6 +194,8 @@ def run(
             timestep_s=timestep,
             duration_s=duration,
             rtol=rtol,
+            stabilisation=stabilisation,
+            ignore_inequalities=ignore_inequalities,
             out=folder,
             progress=_BarProgress(bar) if console.is_terminal else None,
         )
@@ -183,6 +203,8 @@ def run(
         _emit_json(results.document(), as_json)
     if as_json != "-":
         _print_summary(results)
+    if ignore_inequalities:
+        _say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
     for row in results.rows:
         if row["status"] != "done":
             _say(f"oarlock: run {row['run']} {row['status']}: {_ending(row)}")
@@ -190,7 +212,10 @@ def run(
         _say(f"oarlock: gate failed: {verdict.line()}")
     unchecked = sum(verdict.held is None for verdict in results.verdicts)
     if unchecked:
-        _say(f"oarlock: {unchecked} gate(s) of the case not checked: no run at the case's own timestep and duration")
+        _say(
+            f"oarlock: {unchecked} gate(s) of the case not checked: "
+            "no run at the case's own parameters, timestep and duration"
+        )
     if results.failures:
         raise typer.Exit(GATE_FAILED)
 

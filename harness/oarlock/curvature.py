@@ -1,73 +1,192 @@
 """J̇v: the part of the constraints' acceleration that needs no acceleration of the coordinates.
 
-For a connect the rows are p₁ − p₂, so J̇v = (J̇₁ − J̇₂) v with the time derivative of each anchor's Jacobian, which
-``mj_jacDot`` gives exactly.
+The rows of a kind of equality are MuJoCo's own, and J̇v is the exact time derivative of their Jacobian, times v:
+
+- connect: p₁ − p₂ of the anchors.
+- weld: the same of its anchors, then τ Im(q̄₂ q₁) with the orientations q₁ (with the relative pose) and q₂ as
+  quaternions and τ the torque scale; its rate is ½τ Im(q̄₂ (ω₁ − ω₂) q₁), and with q̇ = ½ωq the rate of that is
+  ½τ Im(q̄₂ (α₁ − α₂ + ω₁×ω₂ − ½|ω₁ − ω₂|²) q₁), where α = J̇v of a body's rotation.
+- joint and tendon: y − p(x) with a quartic p, y and x measured from the model's own pose; J̇v = ÿ − p'(x) ẍ − p''(x) ẋ²,
+  where ÿ and ẍ are 0 for joints and fixed tendons.
 """
 
-from dataclasses import dataclass
+from typing import Protocol
 
 import mujoco
 import numpy as np
 
 from oarlock.errors import InputError
+from oarlock.kinematics import Kinematics, Point, cross
 from oarlock.mechanism import Equality, equalities
-
-_CONNECT_ROWS = 3
-
-
-@dataclass(frozen=True)
-class _Anchor:
-    """One end of a connect: a site, or a point of a body in its own frame."""
-
-    body: int
-    site: int | None
-    offset: np.ndarray
-
-    def point(self, data: mujoco.MjData) -> np.ndarray:
-        """In world coordinates, m."""
-        if self.site is not None:
-            return data.site_xpos[self.site]
-        return data.xpos[self.body] + data.xmat[self.body].reshape(3, 3) @ self.offset
+from oarlock.tendons import Tendon
 
 
-def _anchors(model: mujoco.MjModel, equality: Equality) -> tuple[_Anchor, _Anchor]:
-    index = equality.index
-    by_site = model.eq_objtype[index] == mujoco.mjtObj.mjOBJ_SITE
-    sites = (int(model.eq_obj1id[index]), int(model.eq_obj2id[index])) if by_site else (None, None)
+class _Rows(Protocol):
+    """The rows of one equality."""
+
+    count: int
+
+    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        """Writes J̇v (count)."""
+
+
+class _Connect:
+    count = 3
+
+    def __init__(self, kinematics: Kinematics, ends: tuple[Point, Point]):
+        self._kinematics, self._ends = kinematics, ends
+
+    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        self._kinematics.bend_apart(data, *self._ends, out)
+
+
+class _Weld:
+    count = 6
+
+    def __init__(self, kinematics: Kinematics, ends: tuple[Point, Point], turns: tuple[np.ndarray, np.ndarray], scale):
+        self._kinematics, self._ends, self._turns = kinematics, ends, turns
+        self._half_scale = 0.5 * float(scale)
+        self._quats = np.zeros(4), np.zeros(4)
+        self._product = np.zeros(4)
+
+    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        kinematics = self._kinematics
+        end1, end2 = self._ends
+        linear1, angular1 = kinematics.bends(data, end1.body, end1.place(data))
+        linear2, angular2 = kinematics.bends(data, end2.body, end2.place(data))
+        out[:3] = linear1 - linear2
+        spin1, spin2 = kinematics.spin(data, end1.body), kinematics.spin(data, end2.body)
+        apart = spin1 - spin2
+        middle = np.array([-0.5 * (apart @ apart), *(angular1 - angular2 + cross(spin1, spin2))])
+        quat1, quat2 = self._quats
+        for quat, end, turn in zip(self._quats, self._ends, self._turns, strict=True):
+            mujoco.mju_mulQuat(quat, data.xquat[end.body], turn)
+        mujoco.mju_negQuat(quat2, quat2)
+        mujoco.mju_mulQuat(self._product, middle, quat1)
+        mujoco.mju_mulQuat(quat1, quat2, self._product)
+        out[3:] = self._half_scale * quat1[1:]
+
+
+class _Coupling:
+    """y − p(x) of joints or tendons; a subclass says what x, ẋ, ẍ and ÿ are."""
+
+    count = 1
+
+    def __init__(self, coefficients: np.ndarray, coupled: bool):
+        polynomial = np.polynomial.Polynomial(coefficients)
+        self._first, self._second = polynomial.deriv(1), polynomial.deriv(2)
+        self._coupled = coupled
+
+    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        out[0] = self._bend(data, 0)
+        if self._coupled:
+            x, rate = self._argument(data)
+            out[0] -= self._first(x) * self._bend(data, 1) + self._second(x) * rate * rate
+
+    def _bend(self, data: mujoco.MjData, end: int) -> float:
+        raise NotImplementedError
+
+    def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
+        raise NotImplementedError
+
+
+class _Joints(_Coupling):
+    def __init__(self, model: mujoco.MjModel, index: int):
+        joint = int(model.eq_obj2id[index])
+        super().__init__(model.eq_data[index, :5], joint >= 0)
+        self._qpos, self._dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        self._zero = float(model.qpos0[self._qpos])
+
+    def _bend(self, data: mujoco.MjData, end: int) -> float:
+        return 0.0
+
+    def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
+        return float(data.qpos[self._qpos]) - self._zero, float(data.qvel[self._dof])
+
+
+class _Tendons(_Coupling):
+    def __init__(self, model: mujoco.MjModel, index: int, kinematics: Kinematics):
+        ids = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
+        super().__init__(model.eq_data[index, :5], ids[1] >= 0)
+        self._tendons = [Tendon(model, tendon, kinematics) for tendon in ids if tendon >= 0]
+        self._second_id = ids[1]
+        self._zero = float(model.tendon_length0[ids[1]])
+
+    def _bend(self, data: mujoco.MjData, end: int) -> float:
+        return self._tendons[end].bend(data)
+
+    def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
+        return float(data.ten_length[self._second_id]) - self._zero, float(data.ten_velocity[self._second_id])
+
+
+def _ends(model: mujoco.MjModel, equality: Equality) -> tuple[Point, Point]:
+    """The anchors of a connect or weld."""
     first, second = (
-        _Anchor(body, site, model.eq_data[index, 3 * end : 3 * end + 3].copy())
-        for end, (body, site) in enumerate(zip(equality.bodies, sites, strict=True))
+        Point(body, equality.sites[end] if equality.sites else None, equality.anchor(model, end))
+        for end, body in enumerate(equality.bodies)
     )
     return first, second
 
 
+def _weld(model: mujoco.MjModel, equality: Equality, kinematics: Kinematics) -> _Weld:
+    if equality.sites:
+        turns = model.site_quat[equality.sites[0]].copy(), model.site_quat[equality.sites[1]].copy()
+    else:
+        turns = model.eq_data[equality.index, 6:10].copy(), np.array([1.0, 0.0, 0.0, 0.0])
+    return _Weld(kinematics, _ends(model, equality), turns, model.eq_data[equality.index, 10])
+
+
 class Curvature:
-    """J̇v of the active rows. Only connects are known so far.
+    """J̇v of the active rows: connect, weld, joint and tendon equalities.
 
     Raises:
-        InputError: an active equality of another kind.
+        InputError: an active equality of another kind, at once or when it is switched on.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
-        self._model = model
-        self._rates = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-        active = [equality for equality in equalities(model) if data.eq_active[equality.index]]
-        for equality in active:
-            if equality.kind != "connect":
-                raise InputError(
-                    f"equality '{equality.name}' is a {equality.kind}, expected connects only: "
-                    "J̇v of other kinds is not known yet"
-                )
-        self._anchors = {equality.index: _anchors(model, equality) for equality in active}
+        kinematics = Kinematics(model)
+        self._rows: dict[int, _Rows] = {}
+        self._unknown: dict[int, Equality] = {}
+        for equality in equalities(model):
+            index = equality.index
+            if equality.kind == "connect":
+                self._rows[index] = _Connect(kinematics, _ends(model, equality))
+            elif equality.kind == "weld":
+                self._rows[index] = _weld(model, equality, kinematics)
+            elif equality.kind == "joint":
+                self._rows[index] = _Joints(model, index)
+            elif equality.kind == "tendon":
+                self._rows[index] = _Tendons(model, index, kinematics)
+            else:
+                self._unknown[index] = equality
+                if data.eq_active[index]:
+                    self._refuse(index)
+
+    def _refuse(self, index: int) -> None:
+        equality = self._unknown[index]
+        raise InputError(
+            f"equality '{equality.name}' is a {equality.kind}, expected connect, weld, joint or tendon: "
+            "J̇v of other kinds is not known"
+        )
 
     def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        """Writes J̇v (ne, m/s²) of a state whose position and velocity stages are done."""
-        rate1, rate2 = self._rates
-        for start in range(0, data.ne, _CONNECT_ROWS):
-            anchor1, anchor2 = self._anchors[int(data.efc_id[start])]
-            mujoco.mj_jacDot(self._model, data, rate1, None, anchor1.point(data), anchor1.body)
-            mujoco.mj_jacDot(self._model, data, rate2, None, anchor2.point(data), anchor2.body)
-            np.matmul(rate1 - rate2, data.qvel, out=out[start : start + _CONNECT_ROWS])
+        """Writes J̇v (ne; m/s² or rad/s²) of a state whose position and velocity stages are done.
+
+        Goes by the rows that MuJoCo made: it leaves out an equality whose rows are zero throughout.
+
+        Raises:
+            InputError: an equality of another kind was switched on, or a tendon's length has no second derivative.
+        """
+        start, end = 0, data.ne
+        indices = data.efc_id
+        while start < end:
+            index = int(indices[start])
+            rows = self._rows.get(index)
+            if rows is None:
+                return self._refuse(index)
+            rows.write(data, out[start : start + rows.count])
+            start += rows.count
+        return None
 
 
 def curvature_from_reference(data: mujoco.MjData) -> np.ndarray:

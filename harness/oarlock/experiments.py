@@ -11,11 +11,16 @@ import mujoco
 import numpy as np
 import polars as pl
 
-from oarlock.cases import Case, Form, Integrator, Mode
+from oarlock.case_file import Baumgarte, Form, Integrator, Mode, Stabilisation
+from oarlock.cases import Case
 from oarlock.drive import Drive
-from oarlock.errors import InputError, RefusedError, choose, one_line
+from oarlock.errors import InputError, RefusedError, one_line
+from oarlock.inequalities import ignore_inequalities
 from oarlock.mechanism import load_mechanism
-from oarlock.metrics import Energy, against_mujoco, drift, largest, solving
+from oarlock.metrics import Energy, against_mujoco, drift, largest, projecting, solving
+from oarlock.observed import Observed
+from oarlock.projection import Projector
+from oarlock.published import PublishedValues
 from oarlock.results import Recorder, RunKey, RunResult
 from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
 from oarlock.start import ConsistentStart, consistent_start
@@ -43,10 +48,14 @@ class Task:
     solvers: tuple[SolverSpec, ...]
     integrator: Integrator
     settings: str
+    stabilisation: Stabilisation = "baumgarte"
 
 
 class Setup:
-    """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them."""
+    """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them.
+
+    ``ignored`` says which contacts, limits and friction were switched off, or None where none were to be.
+    """
 
     def __init__(
         self,
@@ -56,20 +65,26 @@ class Setup:
         settings: str,
         timestep_s: float | None,
         duration_s: float,
+        ignoring: bool = False,
     ):
         self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
+        self.ignored = ignore_inequalities(self.model) if ignoring else None
         self.drive = Drive(self.model, case)
         self.start: ConsistentStart = consistent_start(self.model, case)
         self.timestep_s = float(self.model.opt.timestep)
         self.steps = max(1, round(duration_s / self.timestep_s))
+        self.published = PublishedValues(self.model, case, own=timestep_s is None)
+        if self.published.last_step == self.steps:
+            self.steps += 1  # states are recorded at the start of a step, and this one belongs to the end
         self.truth: pl.DataFrame | None = None
-        if truth is not None:
-            joints = [self.model.joint(index).name for index in range(self.model.njnt)]
-            joint = joints.index(choose(f"joint in [truth] of case '{case.name}'", truth.joint, joints))
-            self._true_address = int(self.model.jnt_qposadr[joint])
+        if truth is not None and case.file.truth is not None:
+            known = case.file.truth
+            where = f"[truth] of case '{case.name}'"
+            self._observed = Observed(self.model, where, joint=known.joint, site=known.site)
             times = np.arange(self.steps) * self.timestep_s
-            self.truth = pl.DataFrame({"time_s": times, "position": truth.position(times)})
-            self._true_path = self.truth["position"].to_numpy()
+            self._true_path = truth.position(times)
+            names = ["position"] if known.joint else ["x", "y", "z"]
+            self.truth = pl.DataFrame({"time_s": times, **dict(zip(names, self._true_path.T, strict=True))})
 
     def data(self) -> mujoco.MjData:
         """A fresh data at the start."""
@@ -78,10 +93,13 @@ class Setup:
         return data
 
     def truth_error(self, step: int, data: mujoco.MjData) -> float | None:
-        """Distance of the joint that the truth knows from where it should be at the start of a step."""
-        if self.truth is None or not np.isfinite(self._true_path[step]):
+        """Distance of the joint or site that the truth knows from where it should be at the start of a step.
+
+        In the coordinate that is furthest off, at a state whose position stage is done.
+        """
+        if self.truth is None or not np.isfinite(self._true_path[step]).all():
             return None
-        return abs(float(data.qpos[self._true_address] - self._true_path[step]))
+        return largest(self._observed.position(data) - self._true_path[step])
 
     def apart(self, qpos1: np.ndarray, qpos2: np.ndarray) -> float | None:
         """Largest difference of two positions in any coordinate (rad or m); None if one of them is not finite."""
@@ -94,8 +112,11 @@ class Setup:
 class Laboratory:
     """Runs the tasks of one case."""
 
-    def __init__(self, case: Case, timestep_s: float | None, duration_s: float, tick: Tick):
+    def __init__(
+        self, case: Case, timestep_s: float | None, duration_s: float, tick: Tick, *, ignore_inequalities: bool = False
+    ):
         self.case = case
+        self._ignoring = ignore_inequalities
         self._timestep_s, self._duration_s = timestep_s, duration_s
         self._tick = tick
         self._truth = load_truth(case)
@@ -103,7 +124,7 @@ class Laboratory:
 
     def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
         """The case, prepared."""
-        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s)
+        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s, self._ignoring)
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.
@@ -147,12 +168,14 @@ class Laboratory:
     def _lockstep(self, task: Task, setup: Setup) -> Iterator[RunResult]:
         """One engine walks; at each of its states every solver answers the same question, and MuJoCo its own."""
         data = setup.data()
-        state = State(setup.model, data, self.case.file.baumgarte)
+        state = self._state(task, setup, data)
+        projector = None
         if task.walker.name == MUJOCO:
             walker: Walker = MujocoWalker(setup.model, data)
         else:
             force = SolvedForce(state, "hard", self._make(task.walker))
-            walker = ForcedWalker(setup.model, data, setup.drive, force)
+            projector = self._projector(task, setup, "hard")
+            walker = ForcedWalker(setup.model, data, setup.drive, force, projector)
         questions = [(Question(state, form), self._make(SolverSpec(REFERENCE))) for form in task.forms]
         solvers = {(form, spec): self._make(spec) for form in task.forms for spec in task.solvers}
         recorders = {key: Recorder() for key in solvers}
@@ -176,7 +199,7 @@ class Laboratory:
 
             def finish(step_us: float) -> None:
                 for recorder, figures in rows:
-                    recorder.append(**figures, step_us=step_us)
+                    recorder.append(**figures, **projecting(projector), step_us=step_us)
 
             return finish
 
@@ -185,9 +208,12 @@ class Laboratory:
             yield self._result(task, setup, str(spec), form, recorder, message)
 
     def _one_step(self, task: Task, setup: Setup) -> Iterator[RunResult]:
-        """From each of MuJoCo's states, one step each: what a single step adds to the difference."""
+        """From each of MuJoCo's states, one step each: what a single step adds to the difference.
+
+        Never projected: from MuJoCo's states, which are open, the way to the manifold would drown what a step adds.
+        """
         data, ours = setup.data(), setup.data()
-        state = State(setup.model, ours, self.case.file.baumgarte)
+        state = self._state(task, setup, ours)
         recorders: dict[tuple[Form, SolverSpec], Recorder] = {
             (form, spec): Recorder() for form in task.forms for spec in task.solvers
         }
@@ -228,7 +254,7 @@ class Laboratory:
 
     def _free_mujoco(self, task: Task, setup: Setup) -> RunResult:
         data = setup.data()
-        state = State(setup.model, data, self.case.file.baumgarte)
+        state = self._state(task, setup, data)
         walker = MujocoWalker(setup.model, data)
         energy = Energy(setup.model)
         recorder = Recorder()
@@ -244,6 +270,7 @@ class Laboratory:
                 "iterations": iterations,
                 "iterations_worst": iterations,
                 **energy.of(data),
+                **setup.published.errors(step, data),
                 "multipliers": data.efc_force.copy(),
             }
             return lambda step_us: recorder.append(**figures, step_us=step_us)
@@ -254,9 +281,10 @@ class Laboratory:
     def _free_solved(self, task: Task, setup: Setup, form: Form, spec: SolverSpec) -> RunResult:
         theirs = self._mujoco_trajectory(setup, task)
         data = setup.data()
-        state = State(setup.model, data, self.case.file.baumgarte)
+        state = self._state(task, setup, data)
         force = SolvedForce(state, form, self._make(spec))
-        walker = ForcedWalker(setup.model, data, setup.drive, force)
+        projector = self._projector(task, setup, form)
+        walker = ForcedWalker(setup.model, data, setup.drive, force, projector)
         reference_solver = self._make(SolverSpec(REFERENCE))
         energy = Energy(setup.model)
         recorder = Recorder()
@@ -266,12 +294,14 @@ class Laboratory:
                 **self._common(setup, step, data, state, data.qacc),
                 "trajectory_diff": setup.apart(theirs[step], data.qpos),
                 **energy.of(data),
+                **setup.published.errors(step, data),
                 "multipliers": force.answers[0].multipliers,
             }
             reference = force.question.answer(reference_solver)
 
             def finish(step_us: float) -> None:
-                recorder.append(**figures, **solving(force.answers, reference), step_us=step_us)
+                solves = solving(force.answers, reference)
+                recorder.append(**figures, **solves, **projecting(projector), step_us=step_us)
                 force.answers.clear()
 
             return finish
@@ -283,6 +313,14 @@ class Laboratory:
 
     def _make(self, spec: SolverSpec):
         return spec.with_defaults(rank_cut=self.case.file.rank_cut).make()
+
+    def _state(self, task: Task, setup: Setup, data: mujoco.MjData) -> State:
+        terms = Baumgarte() if task.stabilisation == "projection" else self.case.file.baumgarte
+        return State(setup.model, data, terms)
+
+    def _projector(self, task: Task, setup: Setup, form: Form) -> Projector | None:
+        projects = form == "hard" and task.stabilisation != "baumgarte"
+        return Projector(setup.model, self.case.file.rank_cut) if projects else None
 
     def _walk(self, setup: Setup, walker: Walker, record: Callable[[int], Finish]) -> str:
         """Walks all steps, recording each as it is taken; gives what ended the run early, or nothing."""
@@ -340,6 +378,7 @@ class Laboratory:
         }
 
     def _result(self, task: Task, setup: Setup, solver: str, form, recorder: Recorder, message: str) -> RunResult:
+        exact = form == "hard" or (task.mode == "lockstep" and task.walker.name != MUJOCO)
         key = RunKey(
             case=self.case.name,
             mode=task.mode,
@@ -351,8 +390,10 @@ class Laboratory:
             stepping="mujoco" if (task.mode, solver) == ("free", MUJOCO) else STEPPING,
             timestep_s=setup.timestep_s,
             steps=setup.steps,
+            stabilisation=task.stabilisation if exact else None,
         )
         steps = recorder.frame()
         unconverged = steps["unconverged"].sum() or 0
-        status = "diverged" if message else "unconverged" if unconverged else "done"
+        unprojected = (steps["projection"] != "landed").sum() or 0
+        status = "diverged" if message else "unconverged" if unconverged else "unprojected" if unprojected else "done"
         return RunResult(key, status, message, steps)

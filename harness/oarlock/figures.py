@@ -61,8 +61,11 @@ def sampled(time: np.ndarray, values: np.ndarray, samples: int = SAMPLES) -> pl.
 
 
 def _significant(frame: pl.DataFrame) -> pl.DataFrame:
-    """Six digits are more than a figure shows, and keep its file the same when the last bit moves."""
-    return frame.with_columns(pl.col("value").round_sig_figs(6))
+    """Six digits are more than a figure shows, and keep its file the same when the last bit moves.
+
+    What is not known becomes a gap: JSON has no NaN.
+    """
+    return frame.with_columns(pl.col("value").fill_nan(None).round_sig_figs(6))
 
 
 def columns_of(steps: pl.DataFrame, name: str) -> np.ndarray:
@@ -126,7 +129,7 @@ def over_time(runs: dict[str, pl.DataFrame], column: str, title: str, rule: floa
     return chart.properties(width=WIDTH, height=HEIGHT)
 
 
-def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str) -> alt.TopLevelMixin:
+def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str, unit: str) -> alt.TopLevelMixin:
     """Deviations of the first ``rows`` constraint rows, a panel an engine, on one logarithmic axis."""
     frames = []
     for who, steps in runs.items():
@@ -136,7 +139,7 @@ def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str) -> alt.TopLe
             frames.append(frame.with_columns(who=pl.lit(who), row=pl.lit(f"row {row + 1}")))
     floor = 1e-16  # below the rounding of a length of 1 m there is nothing to see
     frame = pl.concat(frames).with_columns(pl.col("value").clip(floor))
-    y = _log_axis(frame["value"], "|deviation| (m or rad)")
+    y = _log_axis(frame["value"], f"|deviation| ({unit})")
     colour = alt.Color("row:N", title=None, scale=alt.Scale(scheme="dark2"), legend=alt.Legend(orient="top"))
     panels = [
         alt.Chart(frame.filter(pl.col("who") == who), title=f"{name}: {who}")
@@ -185,11 +188,20 @@ _VIEW = np.array([[0.80, 0.60, 0.0], [-0.28, 0.37, 0.886]])
 """Rows: the screen's right and up in world coordinates; a parallel projection with z up."""
 
 
+def _view(sketch: dict[str, Any]) -> np.ndarray:
+    """The usual projection; for a mechanism in a coordinate plane, that plane."""
+    points = np.array([p for body in sketch["bodies"] for p in (body["hub"], *body["points"])], dtype=float)
+    extent = np.ptp(points.reshape(-1, 3), axis=0)
+    flat = extent <= 1e-6 * extent.max()
+    return np.eye(3)[~flat] if flat.sum() == 1 else _VIEW
+
+
 def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
     """The mechanism at its start, with the traces that the anchors of its loops run along."""
+    view = _view(sketch)
 
     def project(points: list[list[float]]) -> np.ndarray:
-        return np.round(np.array(points, dtype=float).reshape(-1, 3) @ _VIEW.T, 5)
+        return np.round(np.array(points, dtype=float).reshape(-1, 3) @ view.T, 5)
 
     links, hubs = [], []
     for body in sketch["bodies"]:

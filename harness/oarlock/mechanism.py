@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import mujoco
 import numpy as np
 
-from oarlock.cases import Case, Integrator, Settings
-from oarlock.errors import InputError, RefusedError, one_line
+from oarlock.case_file import Integrator, Settings
+from oarlock.cases import Case
+from oarlock.errors import InputError, one_line
+from oarlock.options import Number, join_options
 
 INTEGRATORS: dict[Integrator, int] = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -22,21 +25,49 @@ SOLVERS = {
 }
 
 
-def load_model(path: Path) -> mujoco.MjModel:
-    """Reads an MJCF file.
+def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
+    """Reads an MJCF file, or builds the model of a ``model.py`` with ``build(**parameters) -> mujoco.MjSpec``.
 
     Raises:
-        InputError: no such file, malformed, or without an equality that closes a loop.
+        InputError: no such file, malformed, parameters that ``build`` refuses, or no equality that closes a loop.
     """
     if not path.is_file():
         raise InputError(f"no model file '{path}'")
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        if path.suffix == ".py":
+            model = _build(path, parameters or {}).compile()
+        else:
+            model = mujoco.MjModel.from_xml_path(str(path))
+    except InputError:
+        raise
     except ValueError as error:
         raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}") from None
     if model.neq == 0:
         raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop")
     return model
+
+
+def _build(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
+    """Runs a ``model.py``. Whatever goes wrong in it is named in one line, with the call."""
+    module = ModuleType(f"model of {path.parent.name}")
+    module.__file__ = str(path)
+    call = f"{path}: {join_options('build', parameters)}"
+    try:
+        # Not an import: that would leave compiled files among the models.
+        exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), module.__dict__)
+        build = module.__dict__.get("build")
+        if not callable(build):
+            raise InputError(f"{path}: no function 'build', expected build(**parameters) -> mujoco.MjSpec")
+        spec = build(**parameters)
+    except InputError:
+        raise
+    except ValueError as error:  # what build says about its parameters
+        raise InputError(f"{call}: {one_line(error)}") from None
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{call}: {type(error).__name__}: {one_line(error)}") from None
+    if not isinstance(spec, mujoco.MjSpec):
+        raise InputError(f"{call} gives a {type(spec).__name__}, expected a mujoco.MjSpec")
+    return spec
 
 
 def prepare(
@@ -71,11 +102,24 @@ def load_mechanism(
 ) -> mujoco.MjModel:
     """The model of a case, prepared for one run. Raises InputError as ``load_model``."""
     return prepare(
-        load_model(case.model_path),
+        load_model(case.model_path, case.parameters),
         integrator=integrator,
         timestep_s=timestep_s or case.file.run.timestep_s,
         settings=case.file.setting(settings),
     )
+
+
+def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """J of all constraint rows, (nefc, nv), a view of MuJoCo's arena; the model's Jacobian is dense.
+
+    MuJoCo makes room for rows that it then leaves out because they are zero: the array may be longer than J.
+    """
+    return data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)
+
+
+def closing_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """J of the equality rows, (ne, nv); those of limits and contacts come after them. A view as of ``jacobian``."""
+    return jacobian(model, data)[: data.ne]
 
 
 def element_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:
@@ -101,21 +145,32 @@ def coordinates(model: mujoco.MjModel) -> list[dict[str, str]]:
 
 @dataclass(frozen=True)
 class Equality:
-    """One equality element, for messages and figures."""
+    """One equality element, for messages, figures and J̇v."""
 
     index: int
     name: str
     kind: str
     bodies: tuple[int, int]
-    """Body ids; 0 is the world. (0, 0) for joint and tendon equalities."""
+    """Body ids of the ends of a connect or weld; 0 is the world. (0, 0) for other kinds."""
+    sites: tuple[int, int] | None
+    """Site ids, for a connect or weld between sites."""
+    rows: int
+    """Rows that it has while it is active; 0 where they are not known."""
+    unit: str
+    """Unit of its rows' deviations."""
+
+    def anchor(self, model: mujoco.MjModel, end: int) -> np.ndarray:
+        """Anchor of a connect or weld between bodies: the point of that end's body (0 or 1), body frame, (3), m."""
+        # A connect keeps the first body's anchor first, a weld the second body's.
+        start = 3 * end if self.kind == "connect" else 3 * (1 - end)
+        return model.eq_data[self.index, start : start + 3].copy()
 
 
 _KINDS = {
-    mujoco.mjtEq.mjEQ_CONNECT: "connect",
-    mujoco.mjtEq.mjEQ_WELD: "weld",
-    mujoco.mjtEq.mjEQ_JOINT: "joint",
-    mujoco.mjtEq.mjEQ_TENDON: "tendon",
-    mujoco.mjtEq.mjEQ_FLEX: "flex",
+    mujoco.mjtEq.mjEQ_CONNECT: ("connect", 3),
+    mujoco.mjtEq.mjEQ_WELD: ("weld", 6),
+    mujoco.mjtEq.mjEQ_JOINT: ("joint", 1),
+    mujoco.mjtEq.mjEQ_TENDON: ("tendon", 1),
 }
 
 
@@ -123,43 +178,27 @@ def equalities(model: mujoco.MjModel) -> list[Equality]:
     """Every equality of the model, active or not."""
     found = []
     for index in range(model.neq):
-        kind = _KINDS.get(mujoco.mjtEq(model.eq_type[index]), "flex")
-        bodies = (0, 0)
+        kind, rows = _KINDS.get(mujoco.mjtEq(model.eq_type[index]), ("flex", 0))
+        first, second = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
+        bodies, sites = (0, 0), None
         if kind in ("connect", "weld"):
-            objects = (int(model.eq_obj1id[index]), int(model.eq_obj2id[index]))
-            sites = model.eq_objtype[index] == mujoco.mjtObj.mjOBJ_SITE
-            bodies = tuple(int(model.site_bodyid[i]) for i in objects) if sites else objects
+            bodies = first, second
+            if model.eq_objtype[index] == mujoco.mjtObj.mjOBJ_SITE:
+                sites = first, second
+                bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
         name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index)
-        found.append(Equality(index, name, kind, (bodies[0], bodies[1])))
+        found.append(Equality(index, name, kind, bodies, sites, rows, _unit(model, kind, first)))
     return found
 
 
-def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Checks that only equality rows are active: what else there is MuJoCo solves jointly, and we would not.
-
-    Raises:
-        RefusedError: a contact, limit or friction row is active; names the element and the time.
-    """
-    if data.nefc == data.ne:
-        return
-    row = int(np.flatnonzero(data.efc_type != mujoco.mjtConstraint.mjCNSTR_EQUALITY)[0])
-    index = int(data.efc_id[row])
-    named = {
-        mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("friction of joint", mujoco.mjtObj.mjOBJ_JOINT),
-        mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: ("friction of tendon", mujoco.mjtObj.mjOBJ_TENDON),
-        mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT: ("limit of joint", mujoco.mjtObj.mjOBJ_JOINT),
-        mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON: ("limit of tendon", mujoco.mjtObj.mjOBJ_TENDON),
-    }
-    kind = mujoco.mjtConstraint(data.efc_type[row])
-    if kind in named:
-        label, object_type = named[kind]
-        if kind == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF:
-            index = int(model.dof_jntid[index])
-        what = f"{label} '{element_name(model, object_type, index)}'"
-    else:
-        names = [element_name(model, mujoco.mjtObj.mjOBJ_GEOM, int(geom)) for geom in data.contact[index].geom]
-        what = f"contact between geoms '{names[0]}' and '{names[1]}'"
-    raise RefusedError(
-        f"{what} is active at t = {data.time:g} s, expected equality rows only: disable it in the model "
-        "(contype/conaffinity, limited, frictionloss)"
-    )
+def _unit(model: mujoco.MjModel, kind: str, first: int) -> str:
+    slides = mujoco.mjtJoint.mjJNT_SLIDE
+    if kind == "joint":
+        return "m" if model.jnt_type[first] == slides else "rad"
+    if kind == "tendon":
+        start, count = int(model.tendon_adr[first]), int(model.tendon_num[first])
+        if model.wrap_type[start] == mujoco.mjtWrap.mjWRAP_JOINT:
+            joints = model.wrap_objid[start : start + count]
+            units = {"m" if model.jnt_type[joint] == slides else "rad" for joint in joints}
+            return units.pop() if len(units) == 1 else "m or rad"
+    return "m or rad" if kind in ("weld", "flex") else "m"

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from oarlock.projection import Projector
 from oarlock.solvers import Answer
 from oarlock.state import State
 
@@ -56,6 +57,20 @@ def solving(answers: list[Answer], reference: Answer | None) -> dict[str, object
     }
 
 
+def projecting(projector: Projector | None) -> dict[str, object]:
+    """What the projection at the end of the step took; nothing if there is none."""
+    if projector is None or projector.last is None:
+        return {}
+    last = projector.last
+    return {
+        "projection": last.status,
+        "projection_rounds": last.rounds,
+        "projection_solves": last.solves,
+        "projection_iterations": last.iterations,
+        "projection_moved": last.moved,
+    }
+
+
 def against_mujoco(answer: Answer, qacc: np.ndarray, qfrc: np.ndarray) -> dict[str, float]:
     """Relative differences of acceleration and constraint force from MuJoCo's at the same state."""
     return {
@@ -69,7 +84,10 @@ class Energy:
 
     def __init__(self, model: mujoco.MjModel):
         self._model = model
-        damped = model.dof_damping.any() or model.tendon_damping.any() or model.dof_frictionloss.any()
+        rubs = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+        friction = (model.dof_frictionloss, model.tendon_frictionloss) if rubs else ()
+        damping = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
+        damped = any(loss.any() for loss in (*damping, *friction))
         self._conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
 
     def of(self, data: mujoco.MjData) -> dict[str, float]:

@@ -30,6 +30,8 @@ OCCASION = ("commit", "date", "cores", "kernel")
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
 """What a report consists of. A folder that holds anything else is not replaced."""
 
+_NO_CURVATURE = ("joint", "tendon")
+
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("oarlock"),
     trim_blocks=True,
@@ -79,6 +81,22 @@ class Tables:
         """Every run that has these values."""
         return [row for row in self.rows if all(row[key] == value for key, value in where.items())]
 
+    @property
+    def unit(self) -> str:
+        """Unit of the loops' deviations."""
+        units = {equality["unit"] for equality in self.case["model"]["equalities"]}
+        return units.pop() if len(units) == 1 else "m or rad"
+
+    @property
+    def rate_unit(self) -> str:
+        """Unit of how fast they change."""
+        return {"m": "m/s", "rad": "rad/s"}.get(self.unit, "m/s or rad/s")
+
+    @property
+    def without_curvature(self) -> list[str]:
+        """Equalities of the kinds for which MuJoCo's reference acceleration leaves J̇v out."""
+        return [equality["name"] for equality in self.case["model"]["equalities"] if equality["kind"] in _NO_CURVATURE]
+
     def free_runs(self) -> dict[str, dict[str, Any]]:
         """The free runs that figures compare: MuJoCo default, MuJoCo stiff, exact; those there are."""
         candidates = {
@@ -87,6 +105,17 @@ class Tables:
             "exact (pinv)": self.pick(mode="free", solver="pinv", form="hard"),
         }
         return {who: row for who, row in candidates.items() if row is not None}
+
+    @property
+    def knows_truth(self) -> bool:
+        """Whether any run was held against an outside truth."""
+        return any(row["truth_error_max"] is not None for row in self.rows)
+
+    @property
+    def truth_unit(self) -> str:
+        """Unit of the distance from the truth: that of the joint, or of a site's place."""
+        joint = self.case["truth"]["joint"] if self.case["truth"] else None
+        return next((c["unit"] for c in self.case["model"]["coordinates"] if c["name"] == joint), "m")
 
     def steps(self, row: dict[str, Any]):
         """The steps of a run."""
@@ -105,19 +134,21 @@ def draw(tables: Tables) -> list[Figure]:
     free = {who: tables.steps(row) for who, row in tables.free_runs().items()}
     pair = {who: free[who] for who in ("MuJoCo default", "exact (pinv)") if who in free}
     if pair:
-        truth = (tables.case["truth"]["joint"], tables.folder.read_truth()) if tables.case["truth"] else None
+        joint = (tables.case["truth"] or {}).get("joint")
+        truth = (joint, tables.folder.read_truth()) if joint else None
         chart = figures.coordinates(pair, tables.case["model"]["coordinates"], truth)
         caption = (
             "Coordinates over time; those that move as an earlier one are left out. Where the curves lie on one "
             "another, the next figure tells them apart."
         )
         drawn.append(Figure("coordinates", caption, chart))
-    if free and tables.case["truth"]:
-        chart = figures.over_time(free, "truth_error", f"|{tables.case['truth']['joint']} − truth|")
+    if free and tables.knows_truth:
+        what = tables.case["truth"]["joint"] or tables.case["truth"]["site"]
+        chart = figures.over_time(free, "truth_error", f"|{what} − truth|")
         drawn.append(Figure("truth", "Distance from the outside truth.", chart))
     if free:
         equality = tables.case["model"]["equalities"][0]
-        chart = figures.deviations(free, 3, equality["name"])
+        chart = figures.deviations(free, equality["rows"], equality["name"], equality["unit"])
         caption = f"Deviations of the constraint rows of '{equality['name']}': how far the loop stands open."
         drawn.append(Figure("deviations", caption, chart))
     iterating = tables.pick(mode="lockstep", form="hard", walker="pinv", solver="sr1")
@@ -136,6 +167,8 @@ def number(value: Any, unit: str = "") -> str:
     """A figure for reading: three significant digits, a dash for what does not apply."""
     if value is None:
         return "–"
+    if isinstance(value, str):
+        return value
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):

@@ -39,10 +39,18 @@ SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
     "drift_pos": pl.Float64,
     "drift_vel": pl.Float64,
     "drift_acc": pl.Float64,
+    "projection": pl.String,
+    "projection_rounds": pl.Int64,
+    "projection_solves": pl.Int64,
+    "projection_iterations": pl.Int64,
+    "projection_moved": pl.Float64,
     "energy": pl.Float64,
     "kinetic_energy": pl.Float64,
     "trajectory_diff": pl.Float64,
     "truth_error": pl.Float64,
+    "published_position_error": pl.Float64,
+    "published_velocity_error_rel": pl.Float64,
+    "published_multiplier_error_rel": pl.Float64,
     "step_us": pl.Float64,
     "qpos": pl.List(pl.Float64),
     "residual": pl.List(pl.Float64),
@@ -65,6 +73,8 @@ class RunKey:
     stepping: str
     timestep_s: float
     steps: int
+    stabilisation: str | None = None
+    """None: nothing in the run is stabilised."""
 
     @property
     def slug(self) -> str:
@@ -75,14 +85,22 @@ class RunKey:
             f"along-{self.walker}" if self.mode == "lockstep" else None,
             self.solver,
         ]
-        parts += [None if self.settings == "default" else self.settings, self.integrator]
+        parts += [
+            None if self.settings == "default" else self.settings,
+            None if self.stabilisation == "baumgarte" else self.stabilisation,
+            self.integrator,
+        ]
         text = "-".join(part for part in parts if part)
         return re.sub(r"[^A-Za-z0-9.+-]+", "_", text)
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """A finished run: its key, how it ended (``done``, ``unconverged``, ``diverged``), and its steps."""
+    """A finished run: its key, how it ended, and its steps.
+
+    It ended ``done``, ``diverged``, or complete but with solves that did not converge (``unconverged``) or projections
+    that did not reach the constraints (``unprojected``).
+    """
 
     key: RunKey
     status: str

@@ -10,11 +10,13 @@ import polars as pl
 
 from oarlock import _core
 from oarlock.aggregate import Verdict, judge, summarise
-from oarlock.cases import Case, Experiment, Form, Gate, Integrator, Mode, load_case
+from oarlock.case_file import Experiment, Form, Gate, Integrator, Mode, Stabilisation
+from oarlock.cases import Case, load_case
 from oarlock.errors import InputError, choose
 from oarlock.experiments import Laboratory, Setup, Task
 from oarlock.mechanism import coordinates, equalities
 from oarlock.provenance import inputs, occasion
+from oarlock.reactions import verdict
 from oarlock.results import ResultFolder, RunResult
 from oarlock.sketch import sketch
 from oarlock.solvers import MUJOCO, SolverSpec
@@ -40,11 +42,13 @@ class Request:
     timestep_s: float | None = None
     duration_s: float | None = None
     rtol: float | None = None
+    stabilisation: str | None = None
+    ignore_inequalities: bool = False
 
     @property
     def whole_case(self) -> bool:
         """Whether the case's own experiments are asked for."""
-        return not (self.solvers or self.form or self.mode or self.walker or self.integrator)
+        return not (self.solvers or self.form or self.mode or self.walker or self.integrator or self.stabilisation)
 
 
 @dataclass
@@ -102,7 +106,7 @@ def plan(case: Case, request: Request) -> list[Task]:
     """The tasks of a request, the calibration of every integrator in use first.
 
     Raises:
-        InputError: an unknown solver, option, form, mode, walker or integrator.
+        InputError: an unknown solver, option, form, mode, walker, integrator or stabilisation.
     """
     valid = get_args(Integrator)
     if request.whole_case:
@@ -112,6 +116,8 @@ def plan(case: Case, request: Request) -> list[Task]:
         forms = FORMS[choose("form", request.form or "both", list(FORMS))]
         if request.integrator:
             choose("integrator", request.integrator, valid)
+        if request.stabilisation:
+            choose("stabilisation", request.stabilisation, get_args(Stabilisation))
         experiments = [
             Experiment.model_validate(
                 {
@@ -120,6 +126,7 @@ def plan(case: Case, request: Request) -> list[Task]:
                     "forms": forms,
                     "solvers": list(request.solvers) or ["pinv", "sr1"],
                     "integrators": [request.integrator] if request.integrator else None,
+                    "stabilisation": request.stabilisation,
                 }
             )
             for mode in ("calibration", *modes)
@@ -141,7 +148,9 @@ def plan(case: Case, request: Request) -> list[Task]:
                 case.file.setting(settings)
                 walker = SolverSpec.parse(experiment.walker).with_defaults(rtol=request.rtol)
                 forms = tuple(experiment.forms)
-                tasks.append(Task(experiment.mode, walker, forms, tuple(solvers), integrator, settings))
+                stabilisation = experiment.stabilisation or case.file.run.stabilisation
+                task = Task(experiment.mode, walker, forms, tuple(solvers), integrator, settings, stabilisation)
+                tasks.append(task)
     return tasks
 
 
@@ -176,13 +185,15 @@ def run(
     timestep_s: float | None = None,
     duration_s: float | None = None,
     rtol: float | None = None,
+    stabilisation: str | None = None,
+    ignore_inequalities: bool = False,
     out: Path | None = None,
     progress: Progress | None = None,
 ) -> Results:
     """Cross-validates a model against MuJoCo.
 
     Args:
-        model: name of a model, folder of a case, or path of an MJCF file.
+        model: name of a model, folder of a case, or path of an MJCF file; ``:key=value,…`` for other parameters.
         solver: solver specifications, such as ``"sr1:eps_abs=1e-7"``; the case's if empty.
         form: ``matched`` (MuJoCo's own softness), ``hard`` (exact constraints) or ``both``.
         mode: ``lockstep``, ``one-step``, ``free`` or ``all``.
@@ -191,6 +202,9 @@ def run(
         timestep_s: timestep in s.
         duration_s: duration in s.
         rtol: relative tolerance of the solvers that have one.
+        stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``.
+        ignore_inequalities: run without the model's contacts, limits and friction, MuJoCo too; the provenance says
+            what was left out. Without it a run in which one becomes active is refused.
         out: folder that keeps the tables; every run is written as soon as it is finished.
         progress: listens.
 
@@ -202,22 +216,32 @@ def run(
         if value is not None and not (np.isfinite(value) and value > 0):
             raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
     solvers = (solver,) if isinstance(solver, str) else tuple(solver)
-    request = Request(solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol)
+    request = Request(
+        solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol, stabilisation, ignore_inequalities
+    )
     tasks = plan(case, request)
     progress = progress or Progress()
-    laboratory = Laboratory(case, timestep_s, duration_s or case.file.run.duration_s, progress.advance)
+    laboratory = Laboratory(
+        case,
+        timestep_s,
+        duration_s or case.file.run.duration_s,
+        progress.advance,
+        ignore_inequalities=request.ignore_inequalities,
+    )
     setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)
     progress.begin(setup.steps * sum(_walks(task) for task in tasks))
 
-    results = Results(case, provenance={**inputs(case), **occasion()})
+    ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
+    results = Results(case, provenance={**inputs(case), **ignored, **occasion()})
     results.verdicts += _expectations(case, setup)
     keeper = _Keeper(results, setup, ResultFolder(out) if out else None)
     for task in tasks:
         for result in laboratory.run(task):
             keeper.keep(result)
             progress.finished(results.rows[-1])
-    # Bounds hold for the discretisation that they were set for.
+    # Bounds hold for the discretisation and the parameters that they were set for.
     own = timestep_s in (None, case.file.run.timestep_s) and duration_s in (None, case.file.run.duration_s)
+    own = own and case.listed
     results.verdicts += judge(case, results.rows if own else [], complete=own and request.whole_case)
     keeper.close()
     return results
@@ -226,11 +250,18 @@ def run(
 def _expectations(case: Case, setup: Setup) -> list[Verdict]:
     """What the case expects of its model, held against the consistent start."""
     start = setup.start
-    found = {"nv": int(setup.model.nv), "rows": start.rows, "rank": start.rank, "dof": start.dof}
+    found = {
+        "nv": int(setup.model.nv),
+        "rows": start.rows,
+        "rank": start.rank,
+        "dof": start.dof,
+        "reactions": verdict(start.unique),
+    }
     verdicts = []
-    for name, expected in case.file.expect.model_dump(exclude_none=True).items():
-        gate = Gate(figure=name, min=expected, max=expected, cause="[expect] of the case")
-        verdicts.append(Verdict(gate, "start", found[name], found[name] == expected))
+    for name, expected in case.expected().items():
+        bounds = {"equal": expected} if isinstance(expected, str) else {"min": expected, "max": expected}
+        gate = Gate.model_validate({"figure": name, **bounds, "cause": "[expect] of the case"})
+        verdicts.append(Verdict(gate, "start", found[name], gate.holds(found[name])))
     return verdicts
 
 
@@ -249,11 +280,13 @@ class _Keeper:
                 "rank": start.rank,
                 "dof": start.dof,
                 "closing_moved": start.moved,
+                "unique_reactions": start.unique,
                 "coordinates": coordinates(setup.model),
                 "equalities": [asdict(equality) for equality in equalities(setup.model)],
             }
             case = results.case
-            folder.write_json("case.json", {"name": case.name, "model": model, **case.file.model_dump()})
+            contents = {**case.file.model_dump(), "expect": case.expected(), "parameters": case.parameters}
+            folder.write_json("case.json", {"name": case.name, "model": model, **contents})
             if setup.truth is not None:
                 folder.write_truth(setup.truth)
 

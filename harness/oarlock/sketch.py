@@ -73,14 +73,10 @@ def _equality_anchors(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[
     for equality in equalities(model):
         if equality.kind not in ("connect", "weld"):
             continue
-        objects = (model.eq_obj1id[equality.index], model.eq_obj2id[equality.index])
-        for end, (body, obj) in enumerate(zip(equality.bodies, objects, strict=True)):
-            if model.eq_objtype[equality.index] == mujoco.mjtObj.mjOBJ_SITE:
-                point = data.site_xpos[obj].copy()
+        for end, body in enumerate(equality.bodies):
+            if equality.sites:
+                point = data.site_xpos[equality.sites[end]].copy()
             else:
-                # A weld keeps its anchor on the second body in the first three numbers.
-                start = 3 * end if equality.kind == "connect" else 0
-                local = model.eq_data[equality.index, start : start + 3]
-                point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
+                point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ equality.anchor(model, end)
             found.append((body, point))
     return found

@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 
 from oarlock import _core
-from oarlock.cases import Form
+from oarlock.case_file import Form
 from oarlock.errors import InputError, choose
+from oarlock.options import join_options, split_options
 from oarlock.state import State
 
 MUJOCO = "mujoco"
@@ -37,17 +38,9 @@ class SolverSpec:
         Raises:
             InputError: unknown solver or option, or a value that is not a number or out of range.
         """
-        name, _, rest = text.partition(":")
+        name, given = split_options(text, "solver option")
         choose("solver", name, [MUJOCO, *solver_names()])
-        options = []
-        for item in filter(None, rest.split(",")):
-            key, equals, value = item.partition("=")
-            try:
-                options.append((key.strip(), float(value)))
-            except ValueError:
-                raise InputError(f"solver option '{item}' in '{text}', expected key=number") from None
-            if not equals:
-                raise InputError(f"solver option '{item}' in '{text}', expected key=number")
+        options = [(key, float(value)) for key, value in given.items()]
         spec = cls(name, tuple(options))
         if name == MUJOCO and options:
             raise InputError(f"'{text}': MuJoCo takes no options here, its settings come from the case")
@@ -56,8 +49,7 @@ class SolverSpec:
         return spec
 
     def __str__(self) -> str:
-        options = ",".join(f"{key}={value!r}" for key, value in self.options)
-        return f"{self.name}:{options}" if options else self.name
+        return join_options(self.name, dict(self.options))
 
     def with_defaults(self, **defaults: float | None) -> "SolverSpec":
         """Adds options that the solver has and the specification leaves open; None is left out."""

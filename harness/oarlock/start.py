@@ -7,15 +7,21 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock._core import ConstrainedSystem, make_solver
 from oarlock.cases import Case
 from oarlock.drive import Drive
 from oarlock.errors import InputError, choose
-from oarlock.mechanism import element_name, equalities, refuse_inequalities
+from oarlock.inequalities import IGNORED, refuse_inequalities
+from oarlock.mechanism import closing_jacobian, element_name, equalities
+from oarlock.projection import Projector, gap
+from oarlock.reactions import unique_reactions
+from oarlock.solvers import REFERENCE, SolverSpec
 
 CLOSED = 1e-12
 """A loop is closed when no row is off by more, in m or rad: about 1000 rounding errors of a length of 1 m, so that a
 start that is already consistent comes out as it went in."""
+
+KEYFRAME = "start"
+"""Name of the model's keyframe that a start begins from, where there is one; entries of [start] come on top."""
 
 MAX_STEPS = 50
 TRUST = 0.5
@@ -33,6 +39,8 @@ class ConsistentStart:
     dof: int
     moved: float
     """Largest change that closing made to a coordinate, in rad or m."""
+    unique: dict[str, bool]
+    """Equality → whether the rigid model determines its multipliers."""
 
 
 def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: str, case: Case) -> None:
@@ -53,36 +61,7 @@ def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: 
 def _worst(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, float]:
     row = int(np.abs(data.efc_pos[: data.ne]).argmax())
     index = int(data.efc_id[row])
-    return element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index), _gap(data)
-
-
-def _gap(data: mujoco.MjData) -> float:
-    """Largest deviation of an equality row; those of limits and contacts come after them."""
-    return float(np.abs(data.efc_pos[: data.ne]).max(initial=0.0))
-
-
-def _jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    return data.efc_J.reshape(data.nefc, model.nv)[: data.ne]
-
-
-class _Projector:
-    """Minimum-energy corrections: δ = M⁻¹ Jᵀ A⁺ c solves J δ = c with the least ½ δᵀ M δ."""
-
-    def __init__(self, model: mujoco.MjModel, rank_cut: float | None):
-        self._system = ConstrainedSystem()
-        self._solver = make_solver("pinv", **({} if rank_cut is None else {"rank_cut": rank_cut}))
-        self._mass = np.zeros((model.nv, model.nv))
-        self._zero = np.zeros(model.nv)
-        self.rank = 0
-
-    def correction(self, model: mujoco.MjModel, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0):
-        mujoco.mj_fullM(model, data, self._mass)
-        jacobian = _jacobian(model, data)
-        softness = np.full(len(wanted), damping) if damping else None
-        self._system.assemble(self._mass, jacobian, self._zero, wanted, softness)
-        multipliers, info = self._solver.solve_system(self._system)
-        self.rank = info.rank or 0
-        return self._system.acceleration(multipliers)[0]
+    return element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index), gap(data)
 
 
 def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
@@ -95,6 +74,9 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
         InputError: a name or a size is wrong, rows other than equality rows are active, or a loop cannot be closed.
     """
     data = mujoco.MjData(model)
+    keys = [model.key(index).name for index in range(model.nkey)]
+    if KEYFRAME in keys:
+        data.qpos[:], data.qvel[:] = model.key_qpos[keys.index(KEYFRAME)], model.key_qvel[keys.index(KEYFRAME)]
     _write_named(model, data.qpos, case.file.start.qpos, "qpos", case)
     _write_named(model, data.qvel, case.file.start.qvel, "qvel", case)
     Drive(model, case).apply(data)
@@ -107,9 +89,9 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
     mujoco.mj_fwdPosition(model, data)
     refuse_inequalities(model, data)
 
-    projector = _Projector(model, case.file.rank_cut)
+    projector = Projector(model, case.file.rank_cut, SolverSpec(REFERENCE))
     mujoco.mj_fwdVelocity(model, data)
-    velocity = projector.correction(model, data, -(_jacobian(model, data) @ data.qvel))
+    velocity = projector.correction(data, -(closing_jacobian(model, data) @ data.qvel))
     if np.abs(data.efc_vel[: data.ne]).max() > CLOSED:
         data.qvel += velocity
     difference = np.zeros(model.nv)
@@ -121,6 +103,7 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
         rank=projector.rank,
         dof=model.nv - projector.rank,
         moved=float(np.abs(difference).max()),
+        unique=unique_reactions(model, data, projector.rank),
     )
 
 
@@ -128,8 +111,7 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
 def _loops_only(model: mujoco.MjModel) -> Iterator[None]:
     """Switches contacts, limits and friction off: on its way to a closed pose the mechanism may pass through them."""
     flags = model.opt.disableflags
-    bits = mujoco.mjtDisableBit
-    model.opt.disableflags |= bits.mjDSBL_CONTACT | bits.mjDSBL_LIMIT | bits.mjDSBL_FRICTIONLOSS
+    model.opt.disableflags |= IGNORED
     try:
         yield
     finally:
@@ -141,18 +123,18 @@ def _close(model: mujoco.MjModel, data: mujoco.MjData, case: Case) -> None:
     if data.ne == 0:
         names = ", ".join(equality.name for equality in equalities(model))
         raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")
-    projector = _Projector(model, case.file.rank_cut)
-    error = _gap(data)
+    projector = Projector(model, case.file.rank_cut, SolverSpec(REFERENCE))
+    error = gap(data)
     damping = 0.0
     for _ in range(MAX_STEPS):
         if error <= CLOSED:
             return
-        step = projector.correction(model, data, -data.efc_pos[: data.ne], damping)
+        step = projector.correction(data, -data.efc_pos[: data.ne], damping)
         step *= min(1.0, TRUST / max(np.abs(step).max(), TRUST))
         before = data.qpos.copy()
         mujoco.mj_integratePos(model, data.qpos, step, 1.0)
         mujoco.mj_fwdPosition(model, data)
-        after = _gap(data)
+        after = gap(data)
         if after < error:
             error, damping = after, damping / 10.0 if damping > 1e-12 else 0.0
             continue
@@ -162,8 +144,8 @@ def _close(model: mujoco.MjModel, data: mujoco.MjData, case: Case) -> None:
             return  # rounding: long mechanisms cannot do better
         scale = float(np.abs(data.efc_diagA[: data.ne]).max())
         damping = max(10.0 * damping, 1e-6 * scale)
-    name, gap = _worst(model, data)
+    name, open_by = _worst(model, data)
     raise InputError(
-        f"start of case '{case.name}' cannot be closed: equality '{name}' stays open by {gap:.3g} after "
+        f"start of case '{case.name}' cannot be closed: equality '{name}' stays open by {open_by:.3g} after "
         f"{MAX_STEPS} steps, expected at most {CLOSED:g}"
     )

@@ -3,9 +3,10 @@
 import mujoco
 import numpy as np
 
-from oarlock.cases import Baumgarte, Form
+from oarlock.case_file import Baumgarte, Form
 from oarlock.curvature import Curvature
-from oarlock.mechanism import refuse_inequalities
+from oarlock.inequalities import refuse_inequalities
+from oarlock.mechanism import jacobian
 
 
 class State:
@@ -40,7 +41,7 @@ class State:
         refuse_inequalities(self.model, data)
         ne = data.ne
         mujoco.mj_fullM(self.model, data, self.mass)
-        self.jacobian = data.efc_J.reshape(ne, self.model.nv)
+        self.jacobian = jacobian(self.model, data)
         self.force = data.qfrc_smooth
         self.residual = data.efc_pos
         self.rate = data.efc_vel

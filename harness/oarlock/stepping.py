@@ -11,9 +11,14 @@ import numpy as np
 
 from oarlock.drive import Drive
 from oarlock.errors import InputError
+from oarlock.mechanism import jacobian
+from oarlock.projection import Projector
 
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+
+_SMALL_ANGLE = 1e-4
+"""rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding."""
 
 
 def smooth_stages(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive) -> None:
@@ -79,19 +84,27 @@ class MujocoWalker:
 
 
 class ForcedWalker:
-    """MuJoCo's smooth dynamics and integrators with the force of a ``ForceLaw``.
+    """MuJoCo's smooth dynamics and integrators with the force of a ``ForceLaw``; a projector ends every step.
 
     Raises:
         InputError: the model has actuator activations and is to be integrated by RK4.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, drive: Drive, force: ForceLaw):
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        drive: Drive,
+        force: ForceLaw,
+        projector: Projector | None = None,
+    ):
         if model.na and model.opt.integrator == _RK4:
             raise InputError(
                 f"the model has {model.na} actuator activation(s), expected none with rk4: use euler or implicitfast"
             )
         self.model, self.data = model, data
-        self._drive, self._force = drive, force
+        self._drive, self._force, self._projector = drive, force, projector
+        self._turns = _turns(model)
         self._qpos, self._qvel = np.zeros(model.nq), np.zeros(model.nv)
         self._velocities, self._accelerations = np.zeros((4, model.nv)), np.zeros((4, model.nv))
 
@@ -101,7 +114,17 @@ class ForcedWalker:
         self._force.apply(self.data)
 
     def step(self) -> None:
-        """MuJoCo's Euler or implicit step, or the classical Runge–Kutta step of order four."""
+        """MuJoCo's Euler or implicit step, or the Runge–Kutta step of order four; then the projection.
+
+        A projection may move the state about as far as the step itself did; more is refused, and noted in its status.
+        """
+        fastest = np.abs(self.data.qvel).max()
+        self._integrate()
+        if self._projector and np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all():
+            fastest = max(fastest, np.abs(self.data.qvel).max())
+            self._projector.project(self.data, trust=self.model.opt.timestep * float(fastest))
+
+    def _integrate(self) -> None:
         integrator = self.model.opt.integrator
         if integrator == _RK4:
             self._runge_kutta()
@@ -120,23 +143,51 @@ class ForcedWalker:
         return theirs
 
     def _runge_kutta(self) -> None:
+        """The classical tableau; orientations as Runge–Kutta–Munthe–Kaas, as MuJoCo since 4.0.
+
+        A stage's orientation is q₀ exp(u): what is summed is not the body's ω there but u̇ (Munthe-Kaas 1998).
+        """
         model, data = self.model, self.data
-        velocities, accelerations = self._velocities, self._accelerations
+        velocities, accelerations, turns = self._velocities, self._accelerations, self._turns
         step, time = model.opt.timestep, data.time
         self._qpos[:], self._qvel[:] = data.qpos, data.qvel
         velocities[0], accelerations[0] = data.qvel, data.qacc
         for stage, fraction in ((1, 0.5), (2, 0.5), (3, 1.0)):
+            moved = fraction * step * velocities[stage - 1]
             data.qpos[:] = self._qpos
-            mujoco.mj_integratePos(model, data.qpos, velocities[stage - 1], fraction * step)
+            mujoco.mj_integratePos(model, data.qpos, moved, 1.0)
             data.qvel[:] = self._qvel + fraction * step * accelerations[stage - 1]
             data.time = time + fraction * step
             self.look()
             velocities[stage], accelerations[stage] = data.qvel, data.qacc
+            if len(turns):
+                velocities[stage, turns] = _rotation_vector_rate(moved[turns], data.qvel[turns])
         weights = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
         data.qpos[:] = self._qpos
         mujoco.mj_integratePos(model, data.qpos, weights @ velocities, step)
         data.qvel[:] = self._qvel + step * (weights @ accelerations)
         data.time = time + step
+
+
+def _turns(model: mujoco.MjModel) -> np.ndarray:
+    """Addresses in qvel of the angular velocities of ball and free joints, (turns, 3)."""
+    angular = {int(mujoco.mjtJoint.mjJNT_BALL): 0, int(mujoco.mjtJoint.mjJNT_FREE): 3}
+    joints = zip(model.jnt_type.tolist(), model.jnt_dofadr.tolist(), strict=True)
+    first = [address + angular[kind] for kind, address in joints if kind in angular]
+    return np.array(first, dtype=int).reshape(-1, 1) + np.arange(3)
+
+
+def _rotation_vector_rate(vector: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """u̇ (turns, 3) of rotation vectors u (turns, 3; rad) when q₀ exp(u) turns with ω (turns, 3; rad/s, body frame).
+
+    u̇ = ω + ½ u×ω + (1 − (θ/2) cot(θ/2))/θ² u×(u×ω), θ = |u|: the inverse of the exponential's right differential
+    (Iserles, Munthe-Kaas, Nørsett and Zanna, Lie-group methods, 2000).
+    """
+    square = np.sum(vector * vector, axis=1, keepdims=True)
+    half = 0.5 * np.sqrt(np.maximum(square, _SMALL_ANGLE**2))
+    bend = np.where(square > _SMALL_ANGLE**2, (1.0 - half / np.tan(half)) / (4.0 * half * half), 1.0 / 12.0)
+    first = np.cross(vector, omega)
+    return omega + 0.5 * first + bend * np.cross(vector, first)
 
 
 class MujocoForce:
@@ -151,6 +202,6 @@ class MujocoForce:
         model = self.model
         mujoco.mj_fwdConstraint(model, data)
         force = data.efc_force.copy()
-        data.qfrc_constraint[:] = data.efc_J.reshape(data.nefc, model.nv).T @ force
+        data.qfrc_constraint[:] = jacobian(model, data).T @ force
         mujoco.mj_solveM(model, data, self._delta, data.qfrc_constraint[None, :])
         data.qacc[:] = data.qacc_smooth + self._delta[0]
