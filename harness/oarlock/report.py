@@ -22,10 +22,8 @@ from markdown_it import MarkdownIt
 from oarlock import figures
 from oarlock.aggregate import TIMING_FIGURES
 from oarlock.errors import InputError
+from oarlock.provenance import OCCASION
 from oarlock.results import ResultFolder
-
-OCCASION = ("commit", "date", "cores", "kernel")
-"""Provenance that differs from one occasion to the next."""
 
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
 """What a report consists of. A folder that holds anything else is not replaced."""
