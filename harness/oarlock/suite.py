@@ -103,8 +103,8 @@ class Listener:
     def begin(self, what: str, total: int, kept: int) -> None:
         """So many are ahead; as many are kept from before."""
 
-    def finished(self, label: str, seconds: float, message: str) -> None:
-        """One was finished; ``message`` says why it was not done, or nothing."""
+    def finished(self, label: str, seconds: float | None, message: str) -> None:
+        """One was finished, after so long; ``message`` says why it was not done, or nothing."""
 
 
 def asked_for(models: Sequence[str]) -> list[tuple[str, Case | None, str]]:

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
+from oarlock.pages import write_pages
 from oarlock.suite import Listener, Suite, carry_out, failed, plan_suite, status_of
 from oarlock.workers import LocalWorkers
 
@@ -27,9 +28,10 @@ class _BarListener(Listener):
         if kept:
             self._print(f"{what}: {kept} of {total} kept from before")
 
-    def finished(self, label: str, seconds: float, message: str) -> None:
+    def finished(self, label: str, seconds: float | None, message: str) -> None:
         self._bar.advance(self._task)
-        self._print(f"  {label}  {seconds:.1f} s" + (f"  [{message}]" if message else ""))
+        took = "" if seconds is None else f"  {seconds:.1f} s"
+        self._print(f"  {label}{took}" + (f"  [{message}]" if message else ""))
 
     def _print(self, text: str) -> None:
         self._bar.console.print(text, highlight=False, markup=False, soft_wrap=True)
@@ -48,8 +50,12 @@ def run_suite(
     ):
         listener = _BarListener(bar)
         carry_out(suite, workers, fresh=fresh, listener=listener)
+        folders = [member.folder.path for member in suite.members]
+        unwritten = write_pages(out, folders, report, workers, listener, every=not models)
     _say_what_failed(suite)
-    return status_of(suite), suite.document()
+    for message in unwritten:
+        _say(f"page not written: {message}")
+    return max(status_of(suite), 2 if unwritten else 0), suite.document()
 
 
 def _cores() -> int:
