@@ -13,6 +13,12 @@ WIDTH, HEIGHT = 720, 180
 SAMPLES = 400
 """Points of a curve. More would make the files large and show nothing new at this width."""
 
+TRACED = 4800
+"""Points of all traces of a mechanism. With many loops each is traced more coarsely."""
+
+NAMED = 12
+"""Bodies that a legend has room for."""
+
 COLOURS = {
     "MuJoCo default": "#d95f02",
     "MuJoCo stiff": "#e6ab02",
@@ -217,10 +223,11 @@ def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
         for point in project(body["points"]):
             links.append({"u": hub[0], "v": hub[1], "u2": point[0], "v2": point[1], "body": body["name"]})
     anchors = [{"u": p[0], "v": p[1], "what": "loop closed here"} for p in project(sketch["anchors"])]
+    every = math.ceil(sum(map(len, sketch["traces"])) / TRACED) or 1
     trace = [
         {"u": p[0], "v": p[1], "order": order, "trace": str(number)}
         for number, points in enumerate(sketch["traces"])
-        for order, p in enumerate(project(points))
+        for order, p in enumerate(project(points[::every]))
     ]
     everything = np.array([(p["u"], p["v"]) for p in [*hubs, *anchors, *trace]] + [(k["u2"], k["v2"]) for k in links])
     low, high = everything.min(axis=0), everything.max(axis=0)
@@ -235,7 +242,8 @@ def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
         path = alt.Chart(pl.DataFrame(trace)).mark_line(color="#999", strokeDash=[3, 3], strokeWidth=1)
         layers.append(path.encode(x=x, y=y, order="order:Q", detail="trace:N"))
     if links:
-        bodies = alt.Color("body:N", title=None, scale=alt.Scale(scheme="dark2"), legend=alt.Legend(orient="top"))
+        legend = alt.Legend(orient="top") if len({link["body"] for link in links}) <= NAMED else None
+        bodies = alt.Color("body:N", title=None, scale=alt.Scale(scheme="dark2"), legend=legend)
         rule = alt.Chart(pl.DataFrame(links)).mark_rule(strokeWidth=5, strokeCap="round", opacity=0.85)
         layers.append(rule.encode(x=x, y=y, x2="u2:Q", y2="v2:Q", color=bodies))
     marks = alt.Chart(pl.DataFrame([*hubs, *anchors])).mark_point(filled=True, size=80, opacity=1)

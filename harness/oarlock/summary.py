@@ -27,6 +27,9 @@ DIGITS = 6
 EXACT = ("pinv", "cholesky", "sr1-tracked", "sr1")
 """Whose free run with exact constraints stands for ours: the first that a case has."""
 
+DOUBTFUL = 0.01
+"""Share of solves that did not converge from which on the mean iterations are marked: they are those of giving up."""
+
 _OF_CASE = ("case", "model_sha256", "case_sha256")
 
 
@@ -110,6 +113,11 @@ class Line:
         """A figure of a run; nothing of a run that there is not, or that diverged."""
         return row[name] if row and row["status"] != "diverged" else None
 
+    def doubtful(self, who: str) -> bool:
+        """Whether more than ``DOUBTFUL`` of the solves of the run whose iterations count did not converge."""
+        row = self.solving(who)
+        return bool(row) and (row["unconverged"] or 0) > DOUBTFUL * row["solves"]
+
     def cells(self) -> dict[str, Any]:
         """What the tables show."""
         drift = {who: self.figure(self.free(who), "drift_pos_max") for who in ("default", "stiff", "exact")}
@@ -117,7 +125,8 @@ class Line:
         solving = {who: self.solving(who) for who in figures.SOLVERS.values()}
         iterations = {who: self.figure(row, "iterations_mean") for who, row in solving.items()}
         apart = {who: self.figure(solving[who], "min_norm_error_max") for who in ("sr1", "sr1-tracked")}
-        return {"drift": drift, "truth": truth, "iterations": iterations, "apart": apart}
+        doubtful = {who: self.doubtful(who) for who in solving}
+        return {"drift": drift, "truth": truth, "iterations": iterations, "apart": apart, "doubtful": doubtful}
 
 
 class Summary:
@@ -201,8 +210,10 @@ def draw(summary: Summary) -> tuple[list[Figure], list[Figure]]:
     cells = {line.name: line.cells() for line in summary.lines}
     drifts = {name: c["drift"] for name, c in cells.items() if any(c["drift"].values())}
     counts = {
-        name: c["iterations"] for name, c in cells.items() if any(v is not None for v in c["iterations"].values())
+        name: {who: (count, c["doubtful"][who]) for who, count in c["iterations"].items() if count is not None}
+        for name, c in cells.items()
     }
+    counts = {name: known for name, known in counts.items() if known}
     tracked, timed = [], []
     if drifts:
         caption = (
@@ -213,10 +224,12 @@ def draw(summary: Summary) -> tuple[list[Figure], list[Figure]]:
     if counts:
         caption = (
             f"Mean iterations a solve; those below {figures.FLOOR:g} are drawn there. The solvers of this project on "
-            "exact constraints in lockstep, MuJoCo's CG and PGS in its own free run."
+            "exact constraints in lockstep, MuJoCo's CG and PGS in its own free run. Pale: more than one solve in a "
+            "hundred did not converge."
         )
         tracked.append(Figure("iterations", caption, figures.iterations(counts)))
-    sweeps = {line.name: rows for line in summary.lines if (rows := line.ledger.rows(sweep=True))}
+    sweeps = {line.name: line.ledger.rows(sweep=True) for line in summary.lines}
+    sweeps = {name: rows for name, rows in sweeps.items() if any(row["truth_error_max"] for row in rows)}
     if sweeps:
         caption = (
             "Work against precision: largest distance from the outside truth (rad or m) against the solves a simulated "

@@ -53,15 +53,17 @@ def drift(cases: dict[str, dict[str, float | None]]) -> alt.TopLevelMixin:
     return _dots(_significant(rows), list(ENGINES), "largest drift (m or rad)")
 
 
-def iterations(cases: dict[str, dict[str, float | None]]) -> alt.TopLevelMixin:
-    """Mean iterations a solve of every case."""
+def iterations(cases: dict[str, dict[str, tuple[float, bool]]]) -> alt.TopLevelMixin:
+    """Mean iterations a solve of every case, and whether to draw them pale."""
     rows = [
-        {"case": case, "who": who, "value": max(float(value), FLOOR)}
+        {"case": case, "who": who, "value": max(float(counts[key][0]), FLOOR), "pale": counts[key][1]}
         for case, counts in cases.items()
         for who, key in SOLVERS.items()
-        if (value := counts[key]) is not None
+        if key in counts
     ]
-    return _dots(_significant(rows), list(SOLVERS), "iterations a solve (mean)")
+    chart = _dots(_significant(rows), list(SOLVERS), "iterations a solve (mean)")
+    pale = alt.Opacity("pale:N", scale=alt.Scale(domain=[False, True], range=[0.9, 0.25]), legend=None)
+    return chart.encode(opacity=pale)
 
 
 def work(cases: dict[str, list[dict[str, Any]]], against: str) -> alt.TopLevelMixin:
