@@ -6,8 +6,6 @@ import os
 import signal
 import subprocess
 import time
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from pathlib import Path
 
@@ -23,7 +21,7 @@ from oarlock.results import ResultFolder
 from oarlock.suite import Listener, carry_out, collate, plan_suite, status_of
 from oarlock.summary import Summary, write_summary
 from oarlock.unit import expected_digest, plan_units
-from oarlock.workers import LocalWorkers, dispatch
+from oarlock.workers import LocalWorkers
 
 TINY = """title = "tiny"
 summary = "Ten steps."
@@ -283,61 +281,6 @@ def test_a_changed_model_is_not_mixed_with_what_was_planned(tiny, tmp_path, work
     carry_out(suite, workers)
     assert len(suite.members[0].ledger.failures()) == UNITS
     assert all("not what it was" in message for message in suite.members[0].ledger.failures().values())
-
-
-class FragileWorkers:
-    """Workers in this process that do an item when it is waited for; those named break all that is in work."""
-
-    def __init__(self, slots, deadly):
-        self.slots, self.deadly = slots, deadly
-        self.flying, self.renewed, self.killed, self.together = [], 0, False, []
-
-    def submit(self, function, item):
-        future = Future()
-        self.flying.append((future, function, item))
-        if len(self.flying) == self.slots or item in self.alone():
-            self.land()
-        return future
-
-    def alone(self):
-        return self.deadly if self.renewed else ()
-
-    def land(self):
-        self.together.append([item for _, _, item in self.flying])
-        broken = any(item in self.deadly for _, _, item in self.flying)
-        for future, function, item in self.flying:
-            if broken:
-                future.set_exception(BrokenProcessPool("gone"))
-            else:
-                future.set_result(function(item))
-        self.flying = []
-
-    def renew(self):
-        self.renewed += 1
-        self.slots = 1
-        return "its process ended"
-
-    def close(self): ...
-
-    def kill(self):
-        self.killed = True
-
-
-def test_the_innocent_are_done_again_alone():
-    workers = FragileWorkers(3, deadly=["b"])
-    done = {d.item: d for d in dispatch(str.upper, ["a", "b", "c", "d", "e"], workers)}
-    assert {item: d.result for item, d in done.items() if d.error is None} == {"a": "A", "c": "C", "d": "D", "e": "E"}
-    assert str(done["b"].error) == "its process ended, twice"
-    assert workers.together[:4] == [["a", "b", "c"], ["a"], ["b"], ["c"]]
-    assert workers.renewed == 2
-    assert not workers.killed
-
-
-def test_leaving_early_kills_the_workers():
-    workers = FragileWorkers(1, deadly=[])
-    with closing(dispatch(str.upper, ["a", "b"], workers)) as all_done:
-        assert next(all_done).result == "A"
-    assert workers.killed
 
 
 # The report.
