@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 CARGO ?= cargo
-MODEL ?= boat
+# make run: the whole suite and its report; make run MODEL=boat: one model and its page.
+MODEL ?=
 # The name of a variant, NAME:key=value,…, as one for folders.
 comma := ,
 FOLDER = $(subst $(comma),-,$(subst :,-,$(MODEL)))
@@ -19,8 +20,12 @@ FUZZ_FLAGS := --cfg fuzzing -C passes=sancov-module $(addprefix -C llvm-args=-sa
 .DELETE_ON_ERROR:
 
 run: setup
+ifeq ($(MODEL),)
+	$(BIN)/oarlock suite --out build/results --report reports
+else
 	$(BIN)/oarlock run $(MODEL) --out build/results/$(FOLDER)
 	$(BIN)/oarlock report build/results/$(FOLDER) --to reports/$(FOLDER)
+endif
 
 test: setup
 	$(CARGO) test --locked --release --quiet -p oarlock-core -p oarlock-fuzz

@@ -273,6 +273,15 @@ DEFAULT_EXPERIMENTS = [
 """What a case that names no experiments runs."""
 
 
+class Sweep(_Table):
+    """Free runs at several timesteps, besides the case's own: work against precision, in the suite's summary."""
+
+    timesteps_s: Annotated[list[Positive], Field(min_length=2)]
+    integrators: list[Integrator] = ["euler", "rk4"]
+    solvers: list[str] = ["cholesky", "sr1-tracked"]
+    settings: list[str] = ["default", "stiff"]  # of MuJoCo
+
+
 class Variant(_Table):
     """Parameters that the suite runs besides the defaults.
 
@@ -308,6 +317,7 @@ class CaseFile(_Table):
     paper: Paper | None = None
     experiments: list[Experiment] = Field(default=DEFAULT_EXPERIMENTS, min_length=1)
     gates: list[Gate] = []
+    sweep: Sweep | None = None  # of the default parameters
     variants: list[Variant] = []
 
     @model_validator(mode="after")

@@ -233,6 +233,33 @@ def report(
     print(target / "README.md")
 
 
+@app.command()
+@_ends()
+def suite(
+    models: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[MODEL…]", help="Models, variants or MJCF files [default: every model]."),
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Runs at once [default: one a core].")] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for the results, a folder a model; what is there is kept.")
+    ] = Path("results"),
+    to: Annotated[
+        Path | None, typer.Option("--report", metavar="DIR", help="Folder for the report [default: OUT/report].")
+    ] = None,
+    as_json: JsonOption = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Do everything anew, also what is finished.")] = False,
+) -> None:
+    """Every model × its experiments, in parallel; resumes where it stopped, repeats what changed, writes the report."""
+    from oarlock.suite_command import run_suite
+
+    status, document = run_suite(models or [], jobs=jobs, out=out, report=to or out / "report", fresh=fresh)
+    if as_json:
+        _emit_json(document, as_json)
+    if status:
+        raise typer.Exit(status)
+
+
 def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
     try:

@@ -51,6 +51,24 @@ class Task:
     stabilisation: Stabilisation = "baumgarte"
 
 
+def run_key(case: str, task: Task, solver: str, form: Form | None, timestep_s: float, steps: int) -> RunKey:
+    """The key of one of the runs of a task."""
+    exact = form == "hard" or (task.mode == "lockstep" and task.walker.name != MUJOCO)
+    return RunKey(
+        case=case,
+        mode=task.mode,
+        walker=solver if task.mode == "free" else str(task.walker),
+        solver=solver,
+        form=form,
+        integrator=task.integrator,
+        settings=task.settings,
+        stepping="mujoco" if (task.mode, solver) == ("free", MUJOCO) else STEPPING,
+        timestep_s=timestep_s,
+        steps=steps,
+        stabilisation=task.stabilisation if exact else None,
+    )
+
+
 class Setup:
     """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them.
 
@@ -378,20 +396,7 @@ class Laboratory:
         }
 
     def _result(self, task: Task, setup: Setup, solver: str, form, recorder: Recorder, message: str) -> RunResult:
-        exact = form == "hard" or (task.mode == "lockstep" and task.walker.name != MUJOCO)
-        key = RunKey(
-            case=self.case.name,
-            mode=task.mode,
-            walker=solver if task.mode == "free" else str(task.walker),
-            solver=solver,
-            form=form,
-            integrator=task.integrator,
-            settings=task.settings,
-            stepping="mujoco" if (task.mode, solver) == ("free", MUJOCO) else STEPPING,
-            timestep_s=setup.timestep_s,
-            steps=setup.steps,
-            stabilisation=task.stabilisation if exact else None,
-        )
+        key = run_key(self.case.name, task, solver, form, setup.timestep_s, setup.steps)
         steps = recorder.frame()
         unconverged = steps["unconverged"].sum() or 0
         unprojected = (steps["projection"] != "landed").sum() or 0

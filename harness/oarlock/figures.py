@@ -13,9 +13,16 @@ WIDTH, HEIGHT = 720, 180
 SAMPLES = 400
 """Points of a curve. More would make the files large and show nothing new at this width."""
 
+TRACED = 4800
+"""Points of all traces of a mechanism. With many loops each is traced more coarsely."""
+
+NAMED = 12
+"""Bodies that a legend has room for."""
+
 COLOURS = {
     "MuJoCo default": "#d95f02",
     "MuJoCo stiff": "#e6ab02",
+    "exact": "#1f78b4",
     "exact (pinv)": "#1f78b4",
     "exact (sr1)": "#6a3d9a",
     "truth": "#333333",
@@ -23,7 +30,8 @@ COLOURS = {
 _SPARE = ["#1b9e77", "#e7298a", "#66a61e", "#a6761d"]
 
 
-def _colour(names: Iterable[str], title: str | None = None) -> alt.Color:
+def colour(names: Iterable[str], title: str | None = None) -> alt.Color:
+    """Colour by ``who``: an engine has the same one in every figure."""
     domain = list(dict.fromkeys(names))
     spare = iter(_SPARE * len(domain))
     colours = [COLOURS.get(name) or next(spare) for name in domain]
@@ -32,8 +40,8 @@ def _colour(names: Iterable[str], title: str | None = None) -> alt.Color:
     )
 
 
-def _log_axis(values: Iterable[float], title: str) -> alt.Y:
-    """A logarithmic axis that labels powers of ten, over the data and at least two decades."""
+def log_scale(values: Iterable[float]) -> tuple[alt.Scale, alt.Axis]:
+    """A logarithmic scale that labels powers of ten, over the data and at least two decades."""
     positive = [v for v in values if v and v > 0 and math.isfinite(v)]
     low = math.floor(math.log10(min(positive))) if positive else -1
     high = math.ceil(math.log10(max(positive))) if positive else 1
@@ -41,7 +49,12 @@ def _log_axis(values: Iterable[float], title: str) -> alt.Y:
     every = max(1, math.ceil((high - low) / 7))
     ticks = [10.0**power for power in range(low, high + 1, every)]
     scale = alt.Scale(type="log", domain=[10.0**low, 10.0**high], nice=False, clamp=True)
-    return alt.Y("value:Q", title=title, scale=scale, axis=alt.Axis(values=ticks, format=".0e"))
+    return scale, alt.Axis(values=ticks, format=".0e")
+
+
+def _log_axis(values: Iterable[float], title: str) -> alt.Y:
+    scale, axis = log_scale(values)
+    return alt.Y("value:Q", title=title, scale=scale, axis=axis)
 
 
 def _time_axis() -> alt.X:
@@ -104,7 +117,7 @@ def coordinates(
             .encode(
                 x=_time_axis(),
                 y=alt.Y("value:Q", title=names[index]["unit"]),
-                color=_colour(legend),
+                color=colour(legend),
                 strokeDash=dash,
             )
             .properties(width=WIDTH, height=110)
@@ -122,7 +135,7 @@ def over_time(runs: dict[str, pl.DataFrame], column: str, title: str, rule: floa
             frames.append(_significant(frame).filter(pl.col("value") > 0).with_columns(who=pl.lit(who)))
     frame = pl.concat(frames)
     y = _log_axis([*frame["value"], rule or math.nan], title)
-    chart = alt.Chart(frame).mark_line(strokeWidth=1.5).encode(x=_time_axis(), y=y, color=_colour(runs))
+    chart = alt.Chart(frame).mark_line(strokeWidth=1.5).encode(x=_time_axis(), y=y, color=colour(runs))
     if rule is not None:
         line = alt.Chart(pl.DataFrame({"value": [rule]})).mark_rule(strokeDash=[4, 4], color="#777").encode(y=y)
         return (chart + line).properties(width=WIDTH, height=HEIGHT)
@@ -210,10 +223,11 @@ def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
         for point in project(body["points"]):
             links.append({"u": hub[0], "v": hub[1], "u2": point[0], "v2": point[1], "body": body["name"]})
     anchors = [{"u": p[0], "v": p[1], "what": "loop closed here"} for p in project(sketch["anchors"])]
+    every = math.ceil(sum(map(len, sketch["traces"])) / TRACED) or 1
     trace = [
         {"u": p[0], "v": p[1], "order": order, "trace": str(number)}
         for number, points in enumerate(sketch["traces"])
-        for order, p in enumerate(project(points))
+        for order, p in enumerate(project(points[::every]))
     ]
     everything = np.array([(p["u"], p["v"]) for p in [*hubs, *anchors, *trace]] + [(k["u2"], k["v2"]) for k in links])
     low, high = everything.min(axis=0), everything.max(axis=0)
@@ -228,7 +242,8 @@ def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
         path = alt.Chart(pl.DataFrame(trace)).mark_line(color="#999", strokeDash=[3, 3], strokeWidth=1)
         layers.append(path.encode(x=x, y=y, order="order:Q", detail="trace:N"))
     if links:
-        bodies = alt.Color("body:N", title=None, scale=alt.Scale(scheme="dark2"), legend=alt.Legend(orient="top"))
+        legend = alt.Legend(orient="top") if len({link["body"] for link in links}) <= NAMED else None
+        bodies = alt.Color("body:N", title=None, scale=alt.Scale(scheme="dark2"), legend=legend)
         rule = alt.Chart(pl.DataFrame(links)).mark_rule(strokeWidth=5, strokeCap="round", opacity=0.85)
         layers.append(rule.encode(x=x, y=y, x2="u2:Q", y2="v2:Q", color=bodies))
     marks = alt.Chart(pl.DataFrame([*hubs, *anchors])).mark_point(filled=True, size=80, opacity=1)

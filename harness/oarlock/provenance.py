@@ -16,6 +16,9 @@ from typing import Any
 from oarlock import _core
 from oarlock.cases import Case
 
+OCCASION = ("commit", "date", "cores", "kernel")
+"""What differs from one occasion to the next."""
+
 _PACKAGES = ("mujoco", "numpy", "scipy", "polars", "altair", "vl-convert-python")
 
 

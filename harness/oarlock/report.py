@@ -5,11 +5,13 @@ and commit go to ``timings.json``, ``provenance.json`` and the HTML page, which 
 report on the same machine and versions leaves the tracked files as they were.
 """
 
+import functools
 import json
 import os
 import re
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,10 +24,8 @@ from markdown_it import MarkdownIt
 from oarlock import figures
 from oarlock.aggregate import TIMING_FIGURES
 from oarlock.errors import InputError
+from oarlock.provenance import OCCASION
 from oarlock.results import ResultFolder
-
-OCCASION = ("commit", "date", "cores", "kernel")
-"""Provenance that differs from one occasion to the next."""
 
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
 """What a report consists of. A folder that holds anything else is not replaced."""
@@ -205,22 +205,46 @@ def markdown(tables: Tables, drawn: list[Figure]) -> str:
 
 def html(tables: Tables, text: str, drawn: list[Figure]) -> str:
     """The same page with interactive figures, timings and the occasion, in one file without outside references."""
+    return page(tables.case["title"], text, drawn, tables.provenance, timings(tables)["runs"])
+
+
+def page(
+    title: str, text: str, drawn: list[Figure], provenance: dict[str, Any], timed: Sequence[dict[str, Any]] = ()
+) -> str:
+    """A Markdown page as one HTML file; its links to other pages lead to theirs."""
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
 
     def figure(self: Any, tokens: Any, index: int, options: Any, env: Any) -> str:
         name = Path(str(tokens[index].attrs["src"])).stem
         return f'<span class="chart" id="chart-{name}"></span>'
 
+    def link(self: Any, tokens: Any, index: int, options: Any, env: Any) -> str:
+        target = str(tokens[index].attrs["href"])
+        tokens[index].attrs["href"] = re.sub(r"(?<=/)README\.md$", "index.html", target)
+        return self.renderToken(tokens, index, options, env)
+
     parser.add_render_rule("image", figure)
+    parser.add_render_rule("link_open", link)
     specs = {figure.name: json.loads(figure.chart.to_json()) for figure in drawn}
     return _ESCAPING.get_template("page.html.j2").render(
-        title=tables.case["title"],
+        title=title,
         body=parser.render(text),
         specs=json.dumps(specs, ensure_ascii=False).replace("<", "\\u003c"),
-        library=vl_convert.javascript_bundle(_EMBED).replace("</script", "<\\/script"),
-        timings=timings(tables)["runs"],
-        occasion={key: tables.provenance.get(key) for key in OCCASION},
+        library=_library().replace("</script", "<\\/script"),
+        timings=timed,
+        occasion={key: provenance.get(key) for key in OCCASION},
     )
+
+
+@functools.cache
+def _library() -> str:
+    """The chart library, which takes a second to bundle."""
+    return vl_convert.javascript_bundle(_EMBED)
+
+
+def render(template: str, **values: Any) -> str:
+    """A template of the package with the filters of the reports."""
+    return _TEMPLATES.get_template(template).render(**values)
 
 
 def timings(tables: Tables) -> dict[str, Any]:

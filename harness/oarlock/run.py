@@ -233,8 +233,9 @@ def run(
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
     results = Results(case, provenance={**inputs(case), **ignored, **occasion()})
-    results.verdicts += _expectations(case, setup)
-    keeper = _Keeper(results, setup, ResultFolder(out) if out else None)
+    model_found = describe(setup)
+    results.verdicts += expectations(case, model_found)
+    keeper = _Keeper(results, setup, model_found, ResultFolder(out) if out else None)
     for task in tasks:
         for result in laboratory.run(task):
             keeper.keep(result)
@@ -247,16 +248,31 @@ def run(
     return results
 
 
-def _expectations(case: Case, setup: Setup) -> list[Verdict]:
-    """What the case expects of its model, held against the consistent start."""
+def describe(setup: Setup) -> dict[str, Any]:
+    """What the model turns out to be at its consistent start."""
     start = setup.start
-    found = {
+    return {
+        "nq": int(setup.model.nq),
         "nv": int(setup.model.nv),
         "rows": start.rows,
         "rank": start.rank,
         "dof": start.dof,
-        "reactions": verdict(start.unique),
+        "closing_moved": start.moved,
+        "unique_reactions": start.unique,
+        "coordinates": coordinates(setup.model),
+        "equalities": [asdict(equality) for equality in equalities(setup.model)],
     }
+
+
+def case_document(case: Case, model: dict[str, Any]) -> dict[str, Any]:
+    """The contents of ``case.json``: the case with the description of its model."""
+    contents = {**case.file.model_dump(), "expect": case.expected(), "parameters": case.parameters}
+    return {"name": case.name, "model": model, **contents}
+
+
+def expectations(case: Case, model: dict[str, Any]) -> list[Verdict]:
+    """What the case expects of its model, held against the model's description."""
+    found = {**model, "reactions": verdict(model["unique_reactions"])}
     verdicts = []
     for name, expected in case.expected().items():
         bounds = {"equal": expected} if isinstance(expected, str) else {"min": expected, "max": expected}
@@ -268,25 +284,11 @@ def _expectations(case: Case, setup: Setup) -> list[Verdict]:
 class _Keeper:
     """Keeps every run as soon as it is finished: in memory, and in a folder if there is one."""
 
-    def __init__(self, results: Results, setup: Setup, folder: ResultFolder | None):
+    def __init__(self, results: Results, setup: Setup, model: dict[str, Any], folder: ResultFolder | None):
         self._results, self._setup, self._folder = results, setup, folder
         self._sketched = False
         if folder:
-            start = setup.start
-            model = {
-                "nq": int(setup.model.nq),
-                "nv": int(setup.model.nv),
-                "rows": start.rows,
-                "rank": start.rank,
-                "dof": start.dof,
-                "closing_moved": start.moved,
-                "unique_reactions": start.unique,
-                "coordinates": coordinates(setup.model),
-                "equalities": [asdict(equality) for equality in equalities(setup.model)],
-            }
-            case = results.case
-            contents = {**case.file.model_dump(), "expect": case.expected(), "parameters": case.parameters}
-            folder.write_json("case.json", {"name": case.name, "model": model, **contents})
+            folder.write_json("case.json", case_document(results.case, model))
             if setup.truth is not None:
                 folder.write_truth(setup.truth)
 

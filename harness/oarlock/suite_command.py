@@ -1,0 +1,77 @@
+"""``oarlock suite``: progress, what it says, and its exit status."""
+
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+
+from oarlock.pages import write_pages
+from oarlock.suite import Listener, Suite, carry_out, failed, plan_suite, status_of
+from oarlock.workers import LocalWorkers
+
+
+class _BarListener(Listener):
+    """One bar on standard error, and a line for everything that is finished."""
+
+    def __init__(self, bar: Bar):
+        self._bar = bar
+        self._task = bar.add_task("")
+
+    def begin(self, what: str, total: int, kept: int) -> None:
+        self._bar.reset(self._task, description=what, total=total, completed=kept)
+        if kept:
+            self._print(f"{what}: {kept} of {total} kept from before")
+
+    def finished(self, label: str, seconds: float | None, message: str) -> None:
+        self._bar.advance(self._task)
+        took = "" if seconds is None else f"  {seconds:.1f} s"
+        self._print(f"  {label}{took}" + (f"  [{message}]" if message else ""))
+
+    def _print(self, text: str) -> None:
+        self._bar.console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+def run_suite(
+    models: Sequence[str], *, jobs: int | None, out: Path, report: Path, fresh: bool
+) -> tuple[int, dict[str, Any]]:
+    """Runs a suite, writes its report, says what did not hold; gives the exit status and the summary."""
+    suite = plan_suite(models, out)
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with (
+        closing(LocalWorkers(jobs or _cores())) as workers,
+        Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar,
+    ):
+        listener = _BarListener(bar)
+        carry_out(suite, workers, fresh=fresh, listener=listener)
+        folders = [member.folder.path for member in suite.members]
+        unwritten = write_pages(out, folders, report, workers, listener, every=not models)
+    _say_what_failed(suite)
+    for message in unwritten:
+        _say(f"page not written: {message}")
+    return max(status_of(suite), 2 if unwritten else 0), suite.document()
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _say(text: str) -> None:
+    print(f"oarlock: {text}", file=sys.stderr)
+
+
+def _say_what_failed(suite: Suite) -> None:
+    for member in suite.members:
+        if member.refused:
+            _say(f"model refused: {member.name}: {member.refused}")
+        for unit, message in failed(member).items():
+            _say(f"run {message.partition(':')[0]}: {member.name} {unit}:{message.partition(':')[2]}")
+        for verdict in member.failures:
+            _say(f"gate failed: {member.name}: {verdict.line()}")

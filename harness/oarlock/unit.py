@@ -1,0 +1,200 @@
+"""A unit of a suite: one walk of one case. Any process can do it, on any machine that has oarlock and the model.
+
+``run_unit`` gives everything back and writes nothing, so that whoever asks keeps it, and a unit that is killed leaves
+nothing behind.
+"""
+
+import io
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from oarlock import digest
+from oarlock.aggregate import summarise
+from oarlock.case_file import Form
+from oarlock.cases import Case, load_case
+from oarlock.errors import InputError, one_line
+from oarlock.experiments import Laboratory, Task, run_key
+from oarlock.results import RunResult
+from oarlock.run import Request, describe, plan
+from oarlock.sketch import sketch
+from oarlock.solvers import MUJOCO, SolverSpec
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One walk.
+
+    Attributes:
+        case: what ``load_case`` takes.
+        task: names a single walk; in lockstep and one-step every form × solver is answered along it.
+        runs: names of the runs that it gives, in order; the first one is the unit's own name.
+        digest: of all that it hangs on.
+        cost: guess of its duration, for the order of the units only.
+        first: whether it also describes the model.
+        timestep_s: timestep of a run of the sweep; None for the case's own.
+    """
+
+    case: str
+    task: Task
+    runs: tuple[str, ...]
+    digest: str
+    cost: float
+    first: bool = False
+    timestep_s: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Unique within its case."""
+        return self.runs[0] if self.timestep_s is None else f"{self.runs[0]}-at-{self.timestep_s:g}-s"
+
+    @property
+    def label(self) -> str:
+        """For the reader of a log."""
+        more = f" and {len(self.runs) - 1} more" if len(self.runs) > 1 else ""
+        return f"{Path(self.case).name if '/' in self.case else self.case} {self.name}{more}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a unit gave.
+
+    Attributes:
+        status: ``done``, ``refused`` (bad input) or ``failed`` (anything else).
+        message: why it was not done.
+        seconds: time it took.
+        rows: a summary row a run.
+        files: name within the folder of results → contents: the tables, and from the first unit the truth.
+        model: description of the model, from the first unit.
+        sketch: its drawing, from the first unit.
+    """
+
+    status: str
+    message: str = ""
+    seconds: float = 0.0
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    files: dict[str, bytes] = field(default_factory=dict)
+    model: dict[str, Any] | None = None
+    sketch: dict[str, Any] | None = None
+
+
+def plan_units(asked: str, case: Case) -> list[Unit]:
+    """The units of a case, in the order of its experiments, those of its sweep last.
+
+    A run that two experiments name belongs to the first.
+
+    Raises:
+        InputError: as ``plan``.
+    """
+    inputs = digest.of_case(case)
+    units: list[Unit] = []
+    taken: set[str] = set()
+
+    def add(task: Task, timestep_s: float | None = None) -> None:
+        runs = run_names(case, task)
+        if timestep_s is None:
+            new = tuple(name for name in runs if name not in taken)
+            if not new:
+                return
+            taken.update(new)
+            runs = new
+        mark = digest.of_document([inputs, repr(task), runs, timestep_s, not units])
+        units.append(Unit(asked, task, runs, mark, _cost(case, task, timestep_s), not units, timestep_s))
+
+    for task in plan(case, Request()):
+        for walk in _walks(task):
+            add(walk)
+    sweep = case.file.sweep
+    if sweep and case.parameters == case.file.parameters:
+        for timestep_s in sweep.timesteps_s:
+            for integrator in sweep.integrators:
+                base = Task("free", SolverSpec(MUJOCO), ("hard",), (), integrator, "default")
+                for text in sweep.solvers:
+                    add(replace(base, solvers=(SolverSpec.parse(text),)), timestep_s)
+                for settings in sweep.settings:
+                    case.file.setting(settings)
+                    add(replace(base, solvers=(SolverSpec(MUJOCO),), settings=settings), timestep_s)
+    return units
+
+
+def _walks(task: Task) -> list[Task]:
+    """A task as tasks of one walk each: in a free run each engine walks alone."""
+    if task.mode != "free":
+        return [task]
+    walks = []
+    for spec in task.solvers:
+        forms = task.forms[:1] if spec.name == MUJOCO else task.forms
+        walks += [replace(task, solvers=(spec,), forms=(form,)) for form in forms]
+    return walks
+
+
+def run_names(case: Case, task: Task) -> tuple[str, ...]:
+    """Names of the runs that a task gives, in order."""
+    if task.mode == "calibration":
+        pairs: list[tuple[str, Form | None]] = [(MUJOCO, None)]
+    else:
+        pairs = [(str(s), None if s.name == MUJOCO else f) for f in task.forms for s in task.solvers]
+    return tuple(run_key(case.name, task, solver, form, 0.0, 0).slug for solver, form in pairs)
+
+
+def _cost(case: Case, task: Task, timestep_s: float | None) -> float:
+    """Steps × questions a step, dearer for larger mechanisms. Seconds, very roughly."""
+    steps = case.file.run.duration_s / (timestep_s or case.file.run.timestep_s or 1e-3)
+    stages = 4 if task.integrator == "rk4" else 1
+    solved = task.mode != "calibration" and any(spec.name != MUJOCO for spec in task.solvers)
+    questions = stages + (1 + len(task.forms) * len(task.solvers) if solved else 0)
+    try:
+        size = int(case.expected().get("nv", 10))
+    except InputError:
+        size = 10
+    return steps * questions * (20e-6 + 5e-8 * size**2)
+
+
+def run_unit(unit: Unit) -> Outcome:
+    """Does a unit. A mistake or an error ends in its outcome, never in an exception."""
+    began = time.perf_counter()
+    try:
+        outcome = _run(unit)
+    except InputError as error:
+        outcome = Outcome("refused", one_line(error))
+    except Exception as error:
+        outcome = Outcome("failed", one_line(f"{type(error).__name__}: {error}"))
+    return replace(outcome, seconds=time.perf_counter() - began)
+
+
+def _run(unit: Unit) -> Outcome:
+    case = load_case(unit.case)
+    if unit.digest != expected_digest(unit, case):
+        raise InputError(f"'{case.name}' is not what it was when the suite was planned: files or versions differ")
+    laboratory = Laboratory(case, unit.timestep_s, case.file.run.duration_s, lambda _steps: None)
+    results = [result for result in laboratory.run(unit.task) if result.key.slug in unit.runs]
+    found = tuple(result.key.slug for result in results)
+    if found != unit.runs:
+        raise RuntimeError(f"gave the runs {found}, planned were {unit.runs}")
+    rows = [summarise(result) for result in results]
+    if unit.timestep_s is not None:
+        return Outcome("done", rows=rows)
+    outcome = Outcome("done", rows=rows, files={f"steps/{r.key.slug}.parquet": _parquet(r.table()) for r in results})
+    return _described(outcome, laboratory, unit.task, results[0]) if unit.first else outcome
+
+
+def expected_digest(unit: Unit, case: Case) -> str:
+    """The unit's digest, computed anew from the files and versions that are here."""
+    return digest.of_document([digest.of_case(case), repr(unit.task), unit.runs, unit.timestep_s, unit.first])
+
+
+def _described(outcome: Outcome, laboratory: Laboratory, task: Task, result: RunResult) -> Outcome:
+    setup = laboratory.setup(task.integrator, task.settings)
+    path = np.array(result.steps["qpos"].to_list())
+    drawing = sketch(setup.model, setup.start.qpos, path) if len(path) else None
+    truth = {} if setup.truth is None else {"truth.parquet": _parquet(setup.truth)}
+    return replace(outcome, files={**outcome.files, **truth}, model=describe(setup), sketch=drawing)
+
+
+def _parquet(table: Any) -> bytes:
+    buffer = io.BytesIO()
+    table.write_parquet(buffer, compression="zstd")
+    return buffer.getvalue()

@@ -1,0 +1,195 @@
+"""Who does the work of a suite: processes of this machine, or whatever else takes a function and gives a future.
+
+``dispatch`` is all that knows how work is handed out. Another kind of workers (a cluster) is a class with the five
+members of ``Workers``.
+"""
+
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from typing import Generic, Protocol, TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""A worker is one thread: the cores are shared out between the workers."""
+
+
+class Workers(Protocol):
+    """What ``dispatch`` asks of them."""
+
+    @property
+    def slots(self) -> int:
+        """How many items are in work at once."""
+        ...
+
+    def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
+        """Hands out an item. A worker that dies is a BrokenExecutor, here or of the future, and breaks them all."""
+        ...
+
+    def renew(self) -> str:
+        """Makes them whole after one died; says how it died, as far as that is known."""
+        ...
+
+    def close(self) -> None:
+        """Lets them go once all is done."""
+        ...
+
+    def kill(self) -> None:
+        """Lets them go at once; what is in work is lost."""
+        ...
+
+
+class LocalWorkers:
+    """Processes of this machine, started when they are needed and used again."""
+
+    def __init__(self, jobs: int):
+        self._jobs = jobs
+        self._pool: ProcessPoolExecutor | None = None
+        self._processes: list[multiprocessing.process.BaseProcess] = []
+
+    @property
+    def slots(self) -> int:
+        """One item a process."""
+        return self._jobs
+
+    def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
+        """As ``Workers``."""
+        if self._pool is None:
+            # Not fork: a library's threads would not survive it.
+            self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"))
+        before = multiprocessing.active_children()
+        with _uninterrupted_children(), _one_thread():
+            future = self._pool.submit(function, item)
+        self._processes += [child for child in multiprocessing.active_children() if child not in before]
+        return future
+
+    def renew(self) -> str:
+        """As ``Workers``."""
+        pool, processes, self._pool, self._processes = self._pool, self._processes, None, []
+        if pool is not None:
+            pool.shutdown(wait=True, cancel_futures=True)
+        # The pool ends those that are left with SIGTERM; the one that broke it ended before.
+        codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
+        if not codes or codes[0] is None:
+            return "its process ended"
+        return f"its process ended with {_signal_or_status(codes[0])}"
+
+    def close(self) -> None:
+        """As ``Workers``."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True)
+            self._pool, self._processes = None, []
+
+    def kill(self) -> None:
+        """As ``Workers``."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            for process in self._processes:
+                process.kill()
+            self._pool, self._processes = None, []
+
+
+def _signal_or_status(code: int) -> str:
+    if code >= 0:
+        return f"status {code}"
+    try:
+        return signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"
+
+
+@contextmanager
+def _uninterrupted_children() -> Iterator[None]:
+    """Processes started here never see an interruption from the terminal: this process sees it, and ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Processes started here leave their linear algebra on one thread, unless the user says otherwise."""
+    added = [name for name in _ONE_THREAD if name not in os.environ]
+    os.environ.update(dict.fromkeys(added, "1"))
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]
+
+
+class DiedError(Exception):
+    """An item whose worker died twice, the second time with nothing else in work."""
+
+
+class Done(Generic[Item, Result]):
+    """An item with what came of it: a result, or the error that it ended in."""
+
+    def __init__(self, item: Item, future: "Future[Result] | None" = None, error: BaseException | None = None):
+        self.item = item
+        self.error = error if future is None else future.exception()
+        self._future = future
+
+    @property
+    def result(self) -> Result:
+        """Raises the error if there is one."""
+        if self.error is not None or self._future is None:
+            raise self.error or RuntimeError("nothing came of it")
+        return self._future.result()
+
+
+def dispatch(
+    function: Callable[[Item], Result], items: Iterable[Item], workers: Workers
+) -> Generator[Done[Item, Result]]:
+    """Does every item in the order given, and gives each as soon as it is done.
+
+    When a worker dies, all that was in work is done again, one at a time: the second death is then the item's own
+    fault, and the others go on. Workers are killed if the iteration is left early, by an interruption or otherwise.
+    """
+    waiting, suspects = deque(items), deque[Item]()
+    flying: dict[Future[Result], Item] = {}
+    whole = False
+    try:
+        while waiting or suspects or flying:
+            alone = bool(suspects)
+            broken: list[Item] = []
+            queue, slots = (suspects, 1) if alone else (waiting, workers.slots)
+            while queue and len(flying) < slots and not broken:
+                item = queue.popleft()
+                try:
+                    flying[workers.submit(function, item)] = item
+                except BrokenExecutor:
+                    if flying:  # one of those; this one had not begun
+                        queue.appendleft(item)
+                        break
+                    broken.append(item)
+            done, _ = wait(flying, return_when=FIRST_COMPLETED)
+            if any(isinstance(future.exception(), BrokenExecutor) for future in done):
+                done, _ = wait(flying)
+            for future in sorted(done, key=list(flying).index):
+                item = flying.pop(future)
+                if isinstance(future.exception(), BrokenExecutor):
+                    broken.append(item)
+                else:
+                    yield Done(item, future)
+            if broken:
+                how = workers.renew()
+                if alone:
+                    yield from (Done(item, error=DiedError(f"{how}, twice")) for item in broken)
+                else:
+                    suspects.extend(broken)
+        whole = True
+    finally:
+        if not whole:
+            workers.kill()
