@@ -68,6 +68,7 @@ class Setup:
         ignoring: bool = False,
     ):
         self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
+        ignoring = ignoring or case.file.run.ignore_inequalities
         self.ignored = ignore_inequalities(self.model) if ignoring else None
         self.drive = Drive(self.model, case)
         self.start: ConsistentStart = consistent_start(self.model, case)
