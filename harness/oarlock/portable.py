@@ -5,6 +5,7 @@ six digits, and a loop that was closed to 1e-16 would come out open. That the co
 checked: both are compiled, and every array of the two must be equal bit for bit.
 """
 
+import re
 import shutil
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -38,6 +39,9 @@ _ENDS = {
     "flex": ("flex",),
 }
 """Equality elements, and the attributes that a name for one is made of."""
+
+_BEFORE_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml.*?\?>\s*)?((?:<!--.*?-->\s*)+)", re.DOTALL)
+"""Comments in front of the root, where a tree has no place for them."""
 
 _DRIVEN = ("joint", "jointinparent", "tendon", "site", "body", "slidersite", "cranksite")
 
@@ -90,19 +94,13 @@ class _Copier:
         return root
 
     def _parse(self, path: Path) -> ET.Element:
-        parser = ET.XMLParser(target=ET.TreeBuilder(insert_comments=True))
-        before = ET.XMLPullParser(events=("start", "comment"))
         try:
             text = path.read_bytes()
-            root = ET.fromstring(text, parser)
-            before.feed(text)
+            root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
         except (OSError, ET.ParseError) as error:
             raise InputError(f"{path}: not well-formed XML: {one_line(error)}") from None
-        if not self.header:  # a licence stands in front of the root, where a tree has no place for it
-            for event, element in before.read_events():
-                if event == "start":
-                    break
-                self.header += f"<!--{element.text}-->\n"
+        if before := _BEFORE_ROOT.match(text):  # of every file: a licence has to stay with what it covers
+            self.header += before[1].decode(errors="replace")
         return root
 
     def _paste(self, parent: ET.Element, base: Path, here: Path) -> None:
@@ -174,20 +172,20 @@ class _Copier:
 
     def name(self, root: ET.Element) -> None:
         """Names what has none: a case speaks of joints, equalities and actuators by name."""
-        joints = {e.get("name") for tag in ("joint", "freejoint") for e in root.iter(tag)} - {None}
+        joints: set[str | None] = {e.get("name") for tag in ("joint", "freejoint") for e in root.iter(tag)}
         for body, element in _joints(root):
             kind = "free" if element.tag == "freejoint" else element.get("type", "joint")
             self._give(element, f"{body}_{kind}", joints)
         for section, parts in (("equality", _ENDS), ("actuator", None)):
             elements = [e for parent in root.iter(section) for e in parent if isinstance(e.tag, str)]
-            taken = {e.get("name") for e in elements} - {None}
+            taken: set[str | None] = {e.get("name") for e in elements}
             for element in elements:
                 ends = (parts or {}).get(element.tag, ()) if parts else _DRIVEN
-                words = [element.get(end) for end in ends if element.get(end)]
+                words = [word for end in ends if (word := element.get(end))]
                 first, last = ([element.tag], []) if parts else ([], [element.tag])
                 self._give(element, "_".join([*first, *words, *last]), taken)
 
-    def _give(self, element: ET.Element, wanted: str, taken: set[Any]) -> None:
+    def _give(self, element: ET.Element, wanted: str, taken: set[str | None]) -> None:
         if element.get("name"):
             return
         name, count = wanted, 1
