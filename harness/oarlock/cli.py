@@ -6,6 +6,7 @@ Exit status: 0 all gates held, 1 a gate failed, 2 bad input, 130 interrupted, 14
 import json
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -266,6 +267,7 @@ def report(
 
 def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
+    warnings.showwarning = lambda message, *_: _say(f"oarlock: {one_line(message)}")
     try:
         app(standalone_mode=True)
     except InputError as error:

@@ -6,9 +6,10 @@ from contextlib import contextmanager
 import mujoco
 import numpy as np
 
+from oarlock.curvature import Curvature
 from oarlock.errors import InputError, few
 from oarlock.inequalities import IGNORED
-from oarlock.mechanism import Equality, equalities
+from oarlock.mechanism import Equality, closing_jacobian, element_name, equalities
 from oarlock.projection import Projector, gap
 from oarlock.solvers import REFERENCE, SolverSpec
 
@@ -104,13 +105,19 @@ def culprits(model: mujoco.MjModel, given: mujoco.MjData, rank_cut: float | None
 
 
 def require_rows(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Checks that there is something to close.
+    """Checks that there is something to close, and that it can be computed.
 
     Raises:
-        InputError: no equality has a row at this pose.
+        InputError: no equality has a row at this pose, one is of a kind that is not known, or its rows are not finite.
     """
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is named below
+        Curvature(model, data)
     with _loops_only(model):
         mujoco.mj_fwdPosition(model, data)
     if data.ne == 0:
-        names = few([equality.name for equality in equalities(model)])
+        names = few([f"'{equality.name}'" for equality in equalities(model)])
         raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")
+    finite = np.isfinite(closing_jacobian(model, data)).all(axis=1) & np.isfinite(data.efc_pos[: data.ne])
+    if not finite.all():
+        name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(data.efc_id[int(finite.argmin())]))
+        raise InputError(f"equality '{name}' has rows that are not finite at the start, expected finite numbers")

@@ -18,6 +18,9 @@ from oarlock.solvers import REFERENCE, SolverSpec
 KEYFRAME = "start"
 """Name of the model's keyframe that a start begins from, where there is one; entries of [start] come on top."""
 
+UNIT = 1e-3
+"""A quaternion may miss the norm 1 by so much, as one of three digits does; more is a mistake, not rounding."""
+
 
 @dataclass(frozen=True)
 class ConsistentStart:
@@ -45,6 +48,14 @@ def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: 
             raise InputError(
                 f"[start] {what} of joint '{name}' in case '{case.name}' has {len(entries)} numbers, expected {size}"
             )
+        if what == "qpos" and size > 1:
+            norm = float(np.linalg.norm(entries[-4:]))
+            if abs(norm - 1.0) > UNIT:
+                raise InputError(
+                    f"[start] qpos of joint '{name}' in case '{case.name}' has a quaternion of norm {norm:.4g}, "
+                    "expected 1"
+                )
+            entries[-4:] /= norm
         address = model.jnt_qposadr[index] if what == "qpos" else model.jnt_dofadr[index]
         target[address : address + size] = entries
 
