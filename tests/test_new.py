@@ -269,6 +269,18 @@ def test_motion_that_magnifies_rounding_is_cut(tmp_path, monkeypatch):
     assert [note for note in found.found.notes if note.startswith("rounding errors pass 1e-11 at t = ")]
 
 
+def test_mujocos_own_test_model(tmp_path, monkeypatch):
+    """43 velocities, a weld, contacts, activations, a keyframe; it comes with MuJoCo's wheel."""
+    source = Path(mujoco.__file__).parent / "testdata" / "model.xml"
+    if not source.is_file() or "<equality>" not in source.read_text(encoding="utf-8"):
+        pytest.skip("this version of MuJoCo brings no test model with an equality")
+    monkeypatch.setattr(survey, "STEPS_LARGE", 20)
+    folder, found = new_model("theirs", source, tmp_path)
+    assert differences(mujoco.MjModel.from_xml_path(str(source)), found.found.model) == []
+    assert load_case(folder).file.run.ignore_inequalities
+    assert run(folder).failures == []
+
+
 # The folder.
 
 
