@@ -35,13 +35,15 @@ class RunDefaults(_Table):
     """How long, how fine, with which integrator, and how exact constraints are kept from drifting.
 
     ``stabilisation``: ``baumgarte`` (terms in the accelerations), ``projection`` (no such terms; positions and
-    velocities are projected after every step) or ``both``.
+    velocities are projected after every step) or ``both``. ``ignore_inequalities``: without the model's contacts,
+    limits and friction, MuJoCo too; where one becomes active otherwise, a run is refused.
     """
 
     duration_s: Positive = 10.0
     timestep_s: Positive | None = None  # None: the model's own
     integrator: Integrator = "rk4"
     stabilisation: Stabilisation = "baumgarte"
+    ignore_inequalities: Annotated[bool, Field(strict=True)] = False
 
 
 class Start(_Table):

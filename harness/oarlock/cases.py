@@ -96,6 +96,10 @@ def load_case(model: str | Path) -> Case:
             return Case(path.resolve().parent.name, path, read_case_file(case_path), given)
         return Case(path.stem, path, CaseFile(title=path.stem), given)
     folder = MODELS / text if text in model_names() else path
+    if folder.is_file():
+        raise InputError(f"'{path}', expected a model's name, its folder, or an MJCF file whose name ends in .xml")
+    if text and folder.is_dir() and not (folder / "case.toml").is_file():
+        raise InputError(f"folder '{path}' holds no case.toml, expected a case, or the path of an MJCF file")
     if not (folder / "case.toml").is_file():
         raise InputError(
             f"unknown model '{model}', expected one of: {', '.join(model_names())}; or a path to an MJCF file"

@@ -3,6 +3,7 @@
 from typing import Any
 
 from oarlock.cases import load_case, model_names
+from oarlock.inequalities import ignore_inequalities
 from oarlock.mechanism import load_mechanism
 from oarlock.start import consistent_start
 
@@ -13,6 +14,8 @@ def catalogue() -> list[dict[str, Any]]:
     for name in model_names():
         case = load_case(name)
         model = load_mechanism(case, integrator=case.file.run.integrator)
+        if case.file.run.ignore_inequalities:
+            ignore_inequalities(model)
         start = consistent_start(model, case)
         entries.append(
             {

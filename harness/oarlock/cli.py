@@ -6,6 +6,7 @@ Exit status: 0 all gates held, 1 a gate failed, 2 bad input, 130 interrupted, 14
 import json
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -85,6 +86,15 @@ class _BarProgress(Progress):
     def finished(self, row: dict[str, Any]) -> None:
         note = "" if row["status"] == "done" else f"  [{row['status']}: {_ending(row)}]"
         self._bar.console.print(f"  {row['run']}{note}", highlight=False, markup=False)
+
+
+@contextmanager
+def _bar() -> Iterator[Progress | None]:
+    """A progress bar, where somebody looks at one."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        yield _BarProgress(bar) if console.is_terminal else None
 
 
 def _ending(row: dict[str, Any]) -> str:
@@ -181,9 +191,7 @@ def run(
 
     choose("stepping", stepping, ["auto", "python"])
     folder = out or Path("results") / load_case(model).slug
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with _bar() as progress:
         results = run_model(
             model,
             solver=solver or (),
@@ -197,13 +205,13 @@ def run(
             stabilisation=stabilisation,
             ignore_inequalities=ignore_inequalities,
             out=folder,
-            progress=_BarProgress(bar) if console.is_terminal else None,
+            progress=progress,
         )
     if as_json:
         _emit_json(results.document(), as_json)
     if as_json != "-":
         _print_summary(results)
-    if ignore_inequalities:
+    if "inequalities_ignored" in results.provenance:
         _say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
     for row in results.rows:
         if row["status"] != "done":
@@ -218,6 +226,30 @@ def run(
         )
     if results.failures:
         raise typer.Exit(GATE_FAILED)
+
+
+@app.command()
+@_ends()
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the model and of its folder.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE.xml", help="Any MJCF file whose loops are closed.")],
+    to: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder that gets the new one [default: the models of a checkout, or .]."),
+    ] = None,
+) -> None:
+    """Writes the case of a model: a folder with a self-contained copy, case.toml and README.md."""
+    from oarlock.scaffold import models_folder, new_model
+
+    with _bar() as progress:
+        folder, scaffold = new_model(name, file, to, progress)
+    for line in scaffold.lines():
+        print(line)
+    listed = folder.parent == models_folder()
+    print(f"\nwritten: {folder}{os.sep}")
+    print(f"next:    oarlock run {name if listed else os.path.join(os.curdir, folder)}")
+    if listed:
+        print(f"then:    make run MODEL={name}    (publishes its report)")
 
 
 @app.command()
@@ -262,6 +294,7 @@ def suite(
 
 def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
+    warnings.showwarning = lambda message, *_: _say(f"oarlock: {one_line(message)}")
     try:
         app(standalone_mode=True)
     except InputError as error:

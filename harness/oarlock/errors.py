@@ -4,7 +4,10 @@ from collections.abc import Sequence
 
 from oarlock._core import InputError
 
-__all__ = ["InputError", "RefusedError", "choose", "one_line"]
+__all__ = ["InputError", "RefusedError", "choose", "few", "one_line"]
+
+_NAMED = 4
+"""So many things a message names; of more it gives the number."""
 
 
 class RefusedError(InputError):
@@ -25,3 +28,9 @@ def choose(what: str, name: str, valid: Sequence[str]) -> str:
     if name not in valid:
         raise InputError(f"unknown {what} '{name}', expected one of: {', '.join(valid) or '(there are none)'}")
     return name
+
+
+def few(names: Sequence[str], last: str = "and") -> str:
+    """Names for a message, ``a, b and c``; of many the first ones and how many more there are."""
+    named = [*names[:_NAMED], *([f"{len(names) - _NAMED} more"] if len(names) > _NAMED else [])]
+    return f" {last} ".join(filter(None, [", ".join(named[:-1]), *named[-1:]]))

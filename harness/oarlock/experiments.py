@@ -38,6 +38,19 @@ _TICK_STEPS = 200
 STEPPING = "python"
 
 
+MAX_STEPS = 10_000_000
+"""Steps of a run at most: their rows are kept in memory until it is finished."""
+
+
+def _steps(duration_s: float, timestep_s: float) -> int:
+    if duration_s / timestep_s > MAX_STEPS:
+        raise InputError(
+            f"{duration_s:g} s at a timestep of {timestep_s:g} s are {duration_s / timestep_s:.3g} steps, "
+            f"expected at most {MAX_STEPS:,}"
+        )
+    return max(1, round(duration_s / timestep_s))
+
+
 @dataclass(frozen=True)
 class Task:
     """Every form × solver it names, answered along one walk (in a free run each walks alone)."""
@@ -86,11 +99,12 @@ class Setup:
         ignoring: bool = False,
     ):
         self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
+        ignoring = ignoring or case.file.run.ignore_inequalities
         self.ignored = ignore_inequalities(self.model) if ignoring else None
         self.drive = Drive(self.model, case)
         self.start: ConsistentStart = consistent_start(self.model, case)
         self.timestep_s = float(self.model.opt.timestep)
-        self.steps = max(1, round(duration_s / self.timestep_s))
+        self.steps = _steps(duration_s, self.timestep_s)
         self.published = PublishedValues(self.model, case, own=timestep_s is None)
         if self.published.last_step == self.steps:
             self.steps += 1  # states are recorded at the start of a step, and this one belongs to the end

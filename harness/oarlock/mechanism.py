@@ -1,5 +1,9 @@
 """A MuJoCo model made ready for comparison: integrator, solver and softness set, hazards switched off."""
 
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -29,22 +33,68 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     """Reads an MJCF file, or builds the model of a ``model.py`` with ``build(**parameters) -> mujoco.MjSpec``.
 
     Raises:
-        InputError: no such file, malformed, parameters that ``build`` refuses, or no equality that closes a loop.
+        InputError: no such file, malformed, parameters that ``build`` refuses, numbers that are not finite, or no
+            equality that closes a loop.
     """
     if not path.is_file():
         raise InputError(f"no model file '{path}'")
     try:
-        if path.suffix == ".py":
-            model = _build(path, parameters or {}).compile()
-        else:
-            model = mujoco.MjModel.from_xml_path(str(path))
+        with _collected_warnings() as said:
+            if path.suffix == ".py":
+                model = _build(path, parameters or {}).compile()
+            else:
+                model = mujoco.MjModel.from_xml_path(str(path))
     except InputError:
         raise
-    except ValueError as error:
+    except (ValueError, mujoco.FatalError) as error:
         raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}") from None
+    for text in said:
+        if "NaN" in text:  # MuJoCo takes a NaN for a number that was left out, or computes with it
+            raise InputError(f"{path}: {_attribute_with_nan(path)} is not a number, expected finite numbers only")
+        warnings.warn(f"{path}: MuJoCo warns: {one_line(text)}", stacklevel=2)
     if model.neq == 0:
         raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop")
+    if model.nv == 0:
+        raise InputError(f"{path}: no joint, expected a mechanism that can move")
+    _require_sound(path, model)
     return model
+
+
+@contextmanager
+def _collected_warnings() -> Iterator[list[str]]:
+    """MuJoCo's warnings, which it otherwise prints and writes to a file in the working folder."""
+    said: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        yield said
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _attribute_with_nan(path: Path) -> str:
+    found = re.search(rb"""\w+\s*=\s*(["'])[^"']*\bnan\b[^"']*\1""", path.read_bytes(), re.IGNORECASE)
+    return one_line(found[0].decode(errors="replace")) if found else "an attribute"
+
+
+_PHYSICS = ("qpos", "body_", "jnt_", "dof_", "geom_", "site_", "eq_", "tendon_", "wrap_", "actuator_", "key_")
+"""Prefixes of the fields that motion depends on."""
+
+
+def _require_sound(path: Path, model: mujoco.MjModel) -> None:
+    """Refuses numbers that are not finite and names that are no text: MuJoCo lets both pass."""
+    fields = {f"option {name}": getattr(model.opt, name) for name in dir(model.opt) if not name.startswith("_")}
+    del fields["option timestep"]  # it may be replaced: prepare looks at the one that is used
+    fields |= {name: getattr(model, name) for name in dir(model) if name.startswith(_PHYSICS)}
+    # Infinities first: they were written, and what was computed from them is NaN.
+    for bad in (np.isinf, np.isnan):
+        for name, value in fields.items():
+            if isinstance(value, np.ndarray | float) and np.asarray(value).dtype.kind == "f" and bad(value).any():
+                raise InputError(f"{path}: {name} holds {'inf' if bad is np.isinf else 'nan'}, expected finite numbers")
+    try:
+        model.names.decode()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: a name holds the byte {error.object[error.start]:#x}, expected UTF-8") from None
 
 
 def _build(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
@@ -81,6 +131,9 @@ def prepare(
 
     Autoreset is switched off: after a NaN it would put the time back to 0. The Jacobian is dense: sparse Newton of
     MuJoCo 4.0.0 can use a wrong factor.
+
+    Raises:
+        InputError: the timestep is not a positive number.
     """
     settings = settings or Settings()
     model.opt.integrator = INTEGRATORS[integrator]
@@ -88,6 +141,8 @@ def prepare(
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if timestep_s is not None:
         model.opt.timestep = timestep_s
+    if not (np.isfinite(model.opt.timestep) and model.opt.timestep > 0):
+        raise InputError(f"timestep of the model = {model.opt.timestep:g} s, expected a finite number > 0")
     if settings.solver is not None:
         model.opt.solver = SOLVERS[settings.solver]
     if settings.solref is not None:

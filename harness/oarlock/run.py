@@ -229,6 +229,11 @@ def run(
         ignore_inequalities=request.ignore_inequalities,
     )
     setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)
+    if duration_s is None and setup.timestep_s > case.file.run.duration_s:  # asked for, one step is enough
+        raise InputError(
+            f"timestep = {setup.timestep_s:g} s is longer than the duration of {case.file.run.duration_s:g} s, "
+            "expected at least one step"
+        )
     progress.begin(setup.steps * sum(_walks(task) for task in tasks))
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}

@@ -1,31 +1,25 @@
 """A consistent start: positions on the constraint manifold, velocities along it."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from oarlock.cases import Case
+from oarlock.closing import CLOSED, close, culprits, require_rows
 from oarlock.drive import Drive
 from oarlock.errors import InputError, choose
-from oarlock.inequalities import IGNORED, refuse_inequalities
-from oarlock.mechanism import closing_jacobian, element_name, equalities
+from oarlock.inequalities import refuse_inequalities
+from oarlock.mechanism import closing_jacobian, element_name
 from oarlock.projection import Projector, gap
 from oarlock.reactions import unique_reactions
 from oarlock.solvers import REFERENCE, SolverSpec
 
-CLOSED = 1e-12
-"""A loop is closed when no row is off by more, in m or rad: about 1000 rounding errors of a length of 1 m, so that a
-start that is already consistent comes out as it went in."""
-
 KEYFRAME = "start"
 """Name of the model's keyframe that a start begins from, where there is one; entries of [start] come on top."""
 
-MAX_STEPS = 50
-TRUST = 0.5
-"""Longest Newton step of one coordinate, in rad or m."""
+UNIT = 1e-3
+"""A quaternion may miss the norm 1 by so much, as one of three digits does; more is a mistake, not rounding."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +48,24 @@ def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: 
             raise InputError(
                 f"[start] {what} of joint '{name}' in case '{case.name}' has {len(entries)} numbers, expected {size}"
             )
+        if what == "qpos" and size > 1:
+            norm = float(np.linalg.norm(entries[-4:]))
+            if abs(norm - 1.0) > UNIT:
+                raise InputError(
+                    f"[start] qpos of joint '{name}' in case '{case.name}' has a quaternion of norm {norm:.4g}, "
+                    "expected 1"
+                )
+            entries[-4:] /= norm
         address = model.jnt_qposadr[index] if what == "qpos" else model.jnt_dofadr[index]
         target[address : address + size] = entries
 
 
-def _worst(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[str, float]:
+def _cannot_close(model: mujoco.MjModel, data: mujoco.MjData, given: np.ndarray, case: Case) -> str:
     row = int(np.abs(data.efc_pos[: data.ne]).argmax())
-    index = int(data.efc_id[row])
-    return element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index), gap(data)
+    name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(data.efc_id[row]))
+    said = f"equality '{name}' stays open by {gap(data):.3g}, expected at most {CLOSED:g}"
+    data.qpos[:] = given
+    return f"start of case '{case.name}' cannot be closed: {said}; {culprits(model, data, case.file.rank_cut)}"
 
 
 def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
@@ -84,8 +88,9 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
         raise InputError(f"start of case '{case.name}' is not finite: qpos {data.qpos}, qvel {data.qvel}")
 
     given = data.qpos.copy()
-    with _loops_only(model):
-        _close(model, data, case)
+    require_rows(model, data)
+    if not close(model, data, case.file.rank_cut):
+        raise InputError(_cannot_close(model, data, given, case))
     mujoco.mj_fwdPosition(model, data)
     refuse_inequalities(model, data)
 
@@ -104,48 +109,4 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
         dof=model.nv - projector.rank,
         moved=float(np.abs(difference).max()),
         unique=unique_reactions(model, data, projector.rank),
-    )
-
-
-@contextmanager
-def _loops_only(model: mujoco.MjModel) -> Iterator[None]:
-    """Switches contacts, limits and friction off: on its way to a closed pose the mechanism may pass through them."""
-    flags = model.opt.disableflags
-    model.opt.disableflags |= IGNORED
-    try:
-        yield
-    finally:
-        model.opt.disableflags = flags
-
-
-def _close(model: mujoco.MjModel, data: mujoco.MjData, case: Case) -> None:
-    mujoco.mj_fwdPosition(model, data)
-    if data.ne == 0:
-        names = ", ".join(equality.name for equality in equalities(model))
-        raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")
-    projector = Projector(model, case.file.rank_cut, SolverSpec(REFERENCE))
-    error = gap(data)
-    damping = 0.0
-    for _ in range(MAX_STEPS):
-        if error <= CLOSED:
-            return
-        step = projector.correction(data, -data.efc_pos[: data.ne], damping)
-        step *= min(1.0, TRUST / max(np.abs(step).max(), TRUST))
-        before = data.qpos.copy()
-        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
-        mujoco.mj_fwdPosition(model, data)
-        after = gap(data)
-        if after < error:
-            error, damping = after, damping / 10.0 if damping > 1e-12 else 0.0
-            continue
-        data.qpos[:] = before
-        mujoco.mj_fwdPosition(model, data)
-        if error <= 100 * CLOSED:
-            return  # rounding: long mechanisms cannot do better
-        scale = float(np.abs(data.efc_diagA[: data.ne]).max())
-        damping = max(10.0 * damping, 1e-6 * scale)
-    name, open_by = _worst(model, data)
-    raise InputError(
-        f"start of case '{case.name}' cannot be closed: equality '{name}' stays open by {open_by:.3g} after "
-        f"{MAX_STEPS} steps, expected at most {CLOSED:g}"
     )
