@@ -126,3 +126,15 @@ def make_solver(name: str, **options: float) -> MultiplierSolver:
 
 def solvers() -> dict[str, tuple[str, dict[str, float]]]:
     """Every solver: {name: (summary, {option: default})}."""
+
+def bench_sizes() -> list[int]:
+    """Sizes of the published table of solvers side by side."""
+    ...
+
+def bench_solvers(n: int, rounds: int) -> list[dict[str, Any]]:
+    """Times every solver and every library's pseudo-inverse at n rows.
+
+    Raises:
+        InputError: n is not a multiple of 6.
+    """
+    ...

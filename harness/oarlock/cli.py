@@ -267,6 +267,40 @@ def report(
 
 @app.command()
 @_ends()
+def bench(
+    size: Annotated[list[int] | None, typer.Option(metavar="N", help="Rows, a multiple of 6; may be repeated.")] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Interleaved rounds, of which the median counts.")] = 9,
+    as_json: JsonOption = None,
+) -> None:
+    """Times every solver beside the pseudo-inverses of Rust's libraries, as ratios measured in one run."""
+    from oarlock import bench as benchmark
+
+    rows = []
+    for table in benchmark.bench(size, rounds):
+        rows += table
+        if as_json != "-":
+            _print_bench(table)
+    if as_json:
+        _emit_json(benchmark.document(rows), as_json)
+
+
+def _print_bench(rows: list[dict[str, Any]]) -> None:
+    columns = ["from the step", "ratio", "from A and b", "ratio", "min-norm error", "contradicted", "products"]
+    table = Table(box=None, header_style="bold", pad_edge=False, title=f"n = {rows[0]['n']}", title_justify="left")
+    table.add_column("solver", no_wrap=True)
+    for title in columns:
+        table.add_column(title, justify="right", no_wrap=True)
+    best = min((row for row in rows if row["right"] and not row["library"]), key=lambda row: row["solve_ns"])
+    for row in rows:
+        mark = " *" if row is best else "" if row["right"] else " (not the minimum norm)"
+        cells = [f"{row['solve_ns']:.0f} ns", f"{row['solve_ratio']:.3f}", f"{row['given_ns']:.0f} ns"]
+        cells += [f"{row['given_ratio']:.3f}", f"{row['min_norm_error']:.1e}", f"{row['contradicted_error']:.1e}"]
+        table.add_row(row["name"] + mark, *cells, f"{row['products']:.1f}")
+    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+
+
+@app.command()
+@_ends()
 def suite(
     models: Annotated[
         list[str] | None,

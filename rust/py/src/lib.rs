@@ -2,6 +2,7 @@
 //!
 //! Every call that computes releases the interpreter lock.
 
+mod bench;
 mod convert;
 mod solver;
 mod system;
@@ -12,6 +13,8 @@ use pyo3::prelude::*;
 /// The compiled core of oarlock: systems, solvers, laws of time.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::bench::{bench_sizes, bench_solvers};
     #[pymodule_export]
     use super::convert::InputError;
     #[pymodule_export]
