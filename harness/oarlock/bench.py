@@ -26,9 +26,9 @@ def _with_ratios(table: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def bench(sizes: list[int] | None = None, rounds: int = ROUNDS) -> Iterator[list[dict[str, Any]]]:
     """The table of each size as soon as it is measured.
 
-    Every row has name, n, library, right, solve_ns (from the assembled step), given_ns (from A and b), the ratios of both
-    to the reference (``solve_ratio``, ``given_ratio``) and to the fastest right row (``…_to_best``), min_norm_error,
-    contradicted_error and products a solve.
+    Every row has name, n, library, right, solve_ns (from the assembled step), given_ns (from A and b), the ratios of
+    both to the reference (``solve_ratio``, ``given_ratio``) and to the fastest right row (``…_to_best``),
+    min_norm_error, contradicted_error and products a solve.
 
     Raises:
         InputError: a size is not a multiple of 6.

@@ -70,7 +70,7 @@ impl Timing {
 /// Who takes part.
 enum Contestant {
     Ours(Box<dyn MultiplierSolver>),
-    Library(&'static str, fn(&DMatrix<f64>, &DVector<f64>) -> DVector<f64>),
+    Library(&'static str, LibrarySolve),
 }
 
 impl Contestant {
@@ -97,7 +97,10 @@ impl Contestant {
     }
 }
 
-const LIBRARIES: [(&str, fn(&DMatrix<f64>, &DVector<f64>) -> DVector<f64>); 4] = [
+/// A⁺ b by a library's decomposition.
+type LibrarySolve = fn(&DMatrix<f64>, &DVector<f64>) -> DVector<f64>;
+
+const LIBRARIES: [(&str, LibrarySolve); 4] = [
     ("nalgebra: symmetric eigen", nalgebra_eigen),
     ("faer: symmetric eigen", faer_eigen),
     ("nalgebra: SVD", nalgebra_svd),
@@ -178,7 +181,7 @@ fn distance(x: &[f64], truth: &[f64]) -> f64 {
 /// # Errors
 /// [`Error::Shape`] if n is not a multiple of 6 and at least 6; whatever a solver refuses.
 pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -> Result<Vec<Timing>, Error> {
-    if n == 0 || n % 6 != 0 {
+    if n == 0 || !n.is_multiple_of(6) {
         let expected = "a multiple of 6, at least 6".to_owned();
         return Err(Error::Shape { what: "n", expected, got: n.to_string() });
     }
@@ -204,8 +207,11 @@ pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -
     }
     for _ in 0..rounds.max(1) {
         for (contestant, times) in contestants.iter_mut().zip(&mut times) {
-            times[0].push(smooth.time(contestant, true)?);
-            times[1].push(smooth.time(contestant, false)?);
+            for (forming, times) in [true, false].into_iter().zip(times.iter_mut()) {
+                // Once untimed: nobody pays for what the one before left in the caches.
+                smooth.time(contestant, forming)?;
+                times.push(smooth.time(contestant, forming)?);
+            }
         }
         if interrupted() {
             break;

@@ -67,13 +67,13 @@ pub struct Cholesky {
     params: CholeskyParams,
     /// Pᵀ A P, then L in its lower trapezium; column-major, n×n.
     factor: Vec<f64>,
-    /// Reciprocals of the diagonals of L and of the factor of E + KᵀK: a division costs as much as a small column.
+    /// Reciprocals of the diagonals of L and of the factor of `E + KᵀK`: a division costs as much as a small column.
     factor_inverse: Vec<f64>,
     gram_inverse: Vec<f64>,
     pivots: Vec<usize>,
     /// K, r×d with stride r.
     kernel: Vec<f64>,
-    /// E + KᵀK, then its factor; column-major, d×d.
+    /// `E + KᵀK`, then its factor; column-major, d×d.
     gram: Vec<f64>,
     /// Pᵀ b, then Pᵀ x.
     permuted: Vec<f64>,
@@ -229,7 +229,7 @@ impl Cholesky {
         Found { rank, first, dropped, lowest }
     }
 
-    /// K and the factor of E + KᵀK.
+    /// K and the factor of `E + KᵀK`.
     fn find_null_space(&mut self, n: usize, rank: usize) {
         let d = n - rank;
         let (kernel, gram) = (&mut self.kernel[..rank * d], &mut self.gram[..d * d]);

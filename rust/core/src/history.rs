@@ -124,7 +124,9 @@ impl History {
     #[must_use]
     pub fn save(&self, state: State, name: &str) -> State {
         let mut track = vec![self.kept as f64, self.ahead];
-        [&self.ages, &self.misses, &self.nodes].iter().for_each(|part| track.extend_from_slice(*part));
+        for part in [&self.ages, &self.misses, &self.nodes] {
+            track.extend_from_slice(part);
+        }
         let past = self.past[..self.kept].concat();
         state.with(name, &past).with(&format!("{name}_track"), &track)
     }

@@ -143,7 +143,7 @@ pub fn gemm_outer(n: usize, alpha: f64, x: &[f64], y: &[f64], a: &mut [f64]) {
     );
 }
 
-/// C = AᵀA with A (`inner×n`).
+/// `C = AᵀA` with A (`inner×n`).
 pub fn gram(inner: usize, a: &[f64], c: &mut [f64]) {
     let n = a.len() / inner.max(1);
     by_size!(n, gram_fixed(inner, a, c), gram_dynamic(n, inner, a, c));

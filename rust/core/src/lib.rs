@@ -28,18 +28,47 @@
 //! | [`step`] | [`StepView`](step::StepView): what one time step hands over (rows of J, M, f, aref, and R if the rows are soft) |
 //! | [`system`] | [`ConstrainedSystem`](system::ConstrainedSystem): A and b of that step, and the way back from λ to a |
 //! | [`solver`] | [`MultiplierSolver`](solver::MultiplierSolver): the trait, and the registry of names |
+//! | [`fold`], [`problem`] | zero and proportional rows taken out, exactly; what a solver then sees |
+//! | [`auto`] | the default: the fastest right solver, the reference where it fails |
 //! | [`sr1`] | the paper's algorithm (11): an SR1 iteration that carries A⁺ from step to step |
+//! | [`tracked`] | the same with its null space tracked ([`null_space`], [`history`]): minimum norm survives |
 //! | [`quasi_newton`] | what the paper compares with: SR1, BFGS and DFP with line search, carried the same way |
+//! | [`cholesky`] | rank-revealing, minimum norm through a basis of the null space: the fast direct solver |
 //! | [`pinv`] | the reference: pseudo-inverse from a symmetric eigendecomposition |
 //! | [`regularised`] | Cholesky of A + ε E with proximal steps: what regularising engines do |
 //! | [`cg`], [`minres`] | conjugate gradients and minimum residuals, in the frame of [`krylov`] |
 //! | [`eigen`] | the eigendecomposition behind both, with its rank cut |
 //! | [`params`], [`info`], [`error`] | what is asked, what came out, what was wrong with the input |
 //! | [`time_law`] | scalar laws of time, for drives |
+//! | [`bench`](mod@bench) | all of them side by side, beside the pseudo-inverses of nalgebra and faer |
 //! | [`test_problems`] | the boat of the paper in closed form, and random systems, for tests and benchmarks |
 //!
 //! Parameters, information and errors are three types: not converging is a [`Status`](info::Status), bad input is
 //! an [`Error`](error::Error), a panic is a bug. After its first solve of a size no solver allocates.
+//!
+//! # Which solver when
+//!
+//! Time of a solve from the assembled step, as a ratio to the fastest pseudo-inverse by eigendecomposition that nalgebra or
+//! faer offers (given A); n rows of a boat with n/6 pairs of oars, a third of them redundant ([`bench`](mod@bench);
+//! `oarlock bench` measures it anew). All three give the minimum norm, also where rows contradict one another.
+//!
+//! | n | 6 | 12 | 24 | 48 | 96 | 192 |
+//! |---|---|---|---|---|---|---|
+//! | `cholesky` (which `auto` takes) | **0.29** | **0.27** | **0.25** | **0.17** | **0.16** | **0.22** |
+//! | `sr1-tracked` | 0.67 | 0.47 | 0.36 | 0.36 | 0.40 | 0.54 |
+//! | `pinv` | 2.3 | 1.6 | 1.4 | 1.0 | 1.0 | 1.0 |
+//!
+//! | you want | take |
+//! |---|---|
+//! | the multipliers of a step, fast and minimum-norm | `auto`: direct, no state, the same answer whatever came before |
+//! | a second opinion, or ranks near the cut | `pinv` |
+//! | the paper's method as published, with its iteration counts | `sr1`; its multipliers are not the minimum-norm ones |
+//! | the paper's idea with minimum norm: 0.5 to 2 iterations a step, A never formed | `sr1-tracked` |
+//! | accelerations only, of a large and well-conditioned system | `cg` or `minres`, warm: the fewest products, any null part |
+//! | what a regularising engine would give | `cholesky-regularised`: 1e-7 from minimum norm while rows agree, 1e4 and more when they do not |
+//!
+//! On these problems no quasi-Newton iteration beats a blocked factorisation at any size; its merit is that A is not formed,
+//! and that it shows how little changes from step to step.
 //!
 //! # Which claim of the paper holds where
 //!

@@ -1,7 +1,10 @@
 //! [`cholesky`](crate::cholesky) for a size known at compile time: the same method on the stack, as L D Lᵀ.
 //!
 //! Whole columns are updated, upper triangle and all: with a fixed length that is one or two vector instructions, cheaper
-//! than the bounds of a triangle.
+//! than the bounds of a triangle. Everything is inlined into one function, which the caller compiles for the vectors that the
+//! processor has.
+
+#![allow(clippy::inline_always, clippy::needless_range_loop)] // see above; loops of a fixed length over several arrays
 
 use crate::cholesky::Found;
 use crate::problem::Wanted;
@@ -125,12 +128,12 @@ fn backward<const N: usize>(rank: usize, l: &Square<N>, z: &mut [f64; N]) {
     }
 }
 
-/// Z = (−K; E) and the factor of E + KᵀK. Columns are counted from the rank on, as the rows of E.
+/// Z = (−K; E) and the factor of `E + KᵀK`. Columns are counted from the rank on, as the rows of E.
 struct Null<const N: usize> {
     rank: usize,
     /// Columns of K, zero in the rows of E.
     kernel: Square<N>,
-    /// Unit factor of E + KᵀK below the diagonal, the inverse of D on it.
+    /// Unit factor of `E + KᵀK` below the diagonal, the inverse of D on it.
     gram: Square<N>,
 }
 

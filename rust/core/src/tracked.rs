@@ -256,6 +256,8 @@ impl Tracked {
         }
         self.past.advance();
         self.past.predict(&mut self.z);
+        // Eigenvalues below the cut are not zero: without this, x would hold what z has collected along them.
+        self.null.project(&mut self.z);
         problem.apply(&self.z, &mut self.x);
         problem.apply(&self.x, &mut self.r);
         axpy(-1.0, problem.rhs(), &mut self.r);
