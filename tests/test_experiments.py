@@ -22,6 +22,9 @@ from tolerances import (
     SR1_ACCELERATION,
 )
 
+FROZEN_SLACK = 5
+"""Iterations in 12 000 solves: 23 834 and 23 835 were seen on two processors."""
+
 FROZEN_ITERATIONS = {
     "lockstep-hard-along-pinv-sr1-rk4": (23835, 3),
     "lockstep-matched-along-mujoco-sr1-euler": (24010, 5),
@@ -158,7 +161,9 @@ def test_iteration_counts_are_frozen(boat_run):
         found = row["iterations_mean"] * row["solves"]
         assert row["solves"] == 12_000
         if frozen_here:
-            assert (round(found), row["iterations_max"]) == (total, largest)
+            # A last bit of the eigendecomposition, which differs between processors, tips a solve over its test.
+            assert abs(round(found) - total) <= FROZEN_SLACK
+            assert row["iterations_max"] == largest
         else:
             assert abs(found - total) <= ITERATIONS_BAND * row["solves"]
             assert abs(row["iterations_max"] - largest) <= 1

@@ -269,8 +269,8 @@ class Gate(_Table):
 
 DEFAULT_EXPERIMENTS = [
     Experiment(mode="calibration"),
-    Experiment(mode="lockstep", forms=["matched", "hard"], solvers=["auto", "sr1-tracked", "sr1"]),
-    Experiment(mode="free", forms=["matched", "hard"], solvers=["mujoco", "auto"]),
+    Experiment(mode="lockstep", forms=["matched", "hard"], solvers=["pinv", "auto", "sr1"]),
+    Experiment(mode="free", forms=["matched", "hard"], solvers=["mujoco", "pinv"]),
 ]
 """What a case that names no experiments runs."""
 

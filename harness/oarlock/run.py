@@ -124,7 +124,7 @@ def plan(case: Case, request: Request) -> list[Task]:
                     "mode": mode,
                     "walker": request.walker or MUJOCO,
                     "forms": forms,
-                    "solvers": list(request.solvers) or ["auto", "sr1-tracked", "sr1"],
+                    "solvers": list(request.solvers) or ["pinv", "auto", "sr1"],
                     "integrators": [request.integrator] if request.integrator else None,
                     "stabilisation": request.stabilisation,
                 }
