@@ -237,7 +237,9 @@ impl<M: Method> MultiplierSolver for Krylov<M> {
                     checks += 1;
                     goal.noise = NOISE * (b_norm + goal.norm * norm(&self.x));
                     let image = norm(&self.before);
-                    if goal.least_squares(image, r_norm) {
+                    // An A r whose squares underflow says nothing; one that is zero does.
+                    let lost = image == 0.0 && self.before.iter().any(|&entry| entry != 0.0);
+                    if !lost && goal.least_squares(image, r_norm) {
                         status = Status::Converged;
                         // An r that is all rounding would spoil x.
                         if image <= goal.norm * rtol * r_norm {
