@@ -1,6 +1,8 @@
 """The compiled core from NumPy: arrays in and out, errors that name the array, the lock, and minimum-norm answers."""
 
 import inspect
+import json
+import re
 import threading
 
 import numpy as np
@@ -28,6 +30,13 @@ def with_entry(array, index, value):
     changed = array.copy()
     changed[index] = value
     return changed
+
+
+def unaligned(array):
+    """The same numbers, one byte off the places that float64 have in memory."""
+    moved = np.zeros(array.nbytes + 1, np.uint8)[1:].view(np.float64).reshape(array.shape)
+    moved[:] = array
+    return moved
 
 
 def test_registry():
@@ -87,9 +96,22 @@ def test_inputs_are_not_written_and_answers_not_shared(solver):
         (A, with_entry(B, 2, -np.inf), r"b\[2\] = -inf"),
         (with_entry(A, (0, 1), 1.0), B, r"A\[(0,1|1,0)\] and A\[(0,1|1,0)\] differ by 1e0"),
         (with_entry(A, (2, 2), -1.0), B, "not positive semidefinite: smallest eigenvalue -1"),
+        (np.array([[0.0, 1.0], [1.0, 0.0]]), np.ones(2), "not positive semidefinite: smallest eigenvalue -1"),
+        (
+            1.9 * np.eye(3) - 0.9,
+            np.array([1.0, -1.0, 0.0]),
+            "semidefinite: smallest eigenvalue -8",
+        ),  # b does not see it
+        (np.array([[-2.0]]), np.ones(1), "semidefinite: smallest eigenvalue -2"),
+        (with_entry(A, (1, 1), 1e200), B, r"A\[4\] = 1e200, expected numbers up to 1e150"),
+        (A, with_entry(B, 0, -1e200), r"b\[0\] = -1e200, expected numbers up to 1e150"),
         (np.asfortranarray(A + A[::-1]), B, "A is not C-contiguous"),
         (np.zeros((6, 6))[::2, ::2] + 0, np.zeros(6)[::2], "b is not C-contiguous"),
         (np.zeros((6, 6))[::2, ::2], np.zeros(3), "A is not C-contiguous"),
+        (A[::-1, ::-1], B, "A is not C-contiguous"),
+        (A, B[::-1], "b is not C-contiguous"),
+        (np.broadcast_to(np.float64(1), (3, 3)), B, "A is not C-contiguous"),
+        (unaligned(A), B, "A is not C-contiguous"),
     ],
 )
 def test_bad_arrays_are_named(solver, a, b, message):
@@ -111,11 +133,78 @@ def test_bad_arrays_are_named(solver, a, b, message):
         (A.tolist(), B, "A"),
         (A, None, "b"),
         (A.astype(object), B, "A"),
+        (A.astype(bool), B, "A"),
+        (A.astype(">f8"), B, "A"),
+        (A, B.astype(">f8"), "b"),
+        (A.astype(np.float16), B, "A"),
+        (A.astype(np.longdouble), B, "A"),
+        (np.array(1.0), B, "A"),
+        (A, np.array(1.0), "b"),
+        (A, 1.0, "b"),
     ],
 )
 def test_wrong_kinds_of_arrays_are_type_errors(solver, a, b, named):
     with pytest.raises(TypeError, match=rf"'{named}'"):
         solver.solve(a, b)
+
+
+def test_subclasses_of_arrays_are_read_as_arrays(solver):
+    class Labelled(np.ndarray):
+        pass
+
+    x, _ = solver.solve(A.view(Labelled), B.view(Labelled))
+    assert type(x) is np.ndarray
+    np.testing.assert_allclose(x, [1, 2, 0], rtol=SOLVE_RESIDUAL, atol=SOLVE_RESIDUAL)
+
+
+def test_an_answer_that_overflows_is_refused_or_not_converged(solver):
+    try:
+        x, info = solver.solve(np.full((1, 1), 1e-300), np.full(1, 1e100))
+    except InputError as error:
+        assert re.match(r"multipliers\[0\] = \S+, expected finite numbers", str(error))
+    else:
+        assert np.isfinite(x).all()
+        assert info.status != "converged"
+    assert solver.solve(A, B)[1].status == "converged"
+
+
+@pytest.mark.parametrize("scale", [1e-70, 1e-8, 1.0, 1e8, 1e70])
+def test_scales_and_one_by_one(solver, scale):
+    x, info = solver.solve(np.full((1, 1), scale), np.full(1, 3 * scale))
+    np.testing.assert_allclose(x, 3, rtol=SOLVE_RESIDUAL)
+    assert info.status == "converged"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"solver": "gauss"}, "cannot take the state: it is that of solver 'gauss'"),
+        ({"solver": 3}, r"state\['solver'\] = 3, expected the name of a solver"),
+        ({"size": -1}, r"state\['size'\] = -1, expected a whole number"),
+        ({"size": 1.5}, r"state\['size'\] = 1.5, expected a whole number"),
+        ({"size": 10**30}, r"state\['size'\] = 10{30}, expected a whole number"),
+        ({"fields": []}, r"state\['fields'\] = \[\], expected lists of numbers by name"),
+        ({"fields": {"x": "three"}}, r"state\['fields'\] = \{'x': 'three'\}, expected lists of numbers by name"),
+        ({"fields": {"later": [1.0]}}, "cannot take the state: "),
+        ({"version": 2}, r"state has the keys \['solver', 'size', 'fields', 'version'\], expected"),
+    ],
+)
+def test_bad_states_are_named(solver, change, message):
+    solver.solve(A, B)
+    state = solver.state()
+    with pytest.raises(InputError, match=message):
+        solver.restore({**state, **change})
+    for key in state:
+        with pytest.raises(InputError, match=f"state has no '{key}'"):
+            solver.restore({name: value for name, value in state.items() if name != key})
+    solver.restore(json.loads(json.dumps(state)))
+    x, _ = solver.solve(A, B)
+    np.testing.assert_allclose(x, [1, 2, 0], rtol=SOLVE_RESIDUAL, atol=SOLVE_RESIDUAL)
+
+
+def test_a_size_without_fields_takes_no_memory(solver):
+    solver.restore({"solver": solver.name, "size": 10**15, "fields": {}})
+    assert solver.solve(A, B)[1].status == "converged"
 
 
 def test_size_may_change_between_solves(solver):

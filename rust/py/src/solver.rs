@@ -156,15 +156,18 @@ impl MultiplierSolver {
 
     /// Goes on from a saved state.
     fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
-        let get = |name: &str| {
-            state.get_item(name)?.ok_or_else(|| InputError::new_err(format!("state has no '{name}'")))
+        let parts = core::State {
+            solver: part(state, "solver", "the name of a solver")?,
+            size: part(state, "size", "a whole number ≥ 0")?,
+            fields: part(state, "fields", "lists of numbers by name")?,
         };
-        let state = core::State {
-            solver: get("solver")?.extract()?,
-            size: get("size")?.extract()?,
-            fields: get("fields")?.extract()?,
-        };
-        self.inner.restore(&state).map_err(input_error)
+        if state.len() > 3 {
+            return Err(InputError::new_err(format!(
+                "state has the keys {}, expected 'solver', 'size' and 'fields'",
+                state.keys()
+            )));
+        }
+        self.inner.restore(&parts).map_err(input_error)
     }
 
     /// Forgets all earlier steps.
@@ -175,6 +178,17 @@ impl MultiplierSolver {
     fn __repr__(&self) -> String {
         format!("<MultiplierSolver {}>", self.inner.name())
     }
+}
+
+/// One entry of a saved state.
+fn part<T>(state: &Bound<'_, PyDict>, key: &str, expected: &str) -> PyResult<T>
+where
+    T: for<'a, 'py> FromPyObject<'a, 'py>,
+{
+    let value = state
+        .get_item(key)?
+        .ok_or_else(|| InputError::new_err(format!("state has no '{key}', expected {expected}")))?;
+    value.extract().map_err(|_| InputError::new_err(format!("state['{key}'] = {value}, expected {expected}")))
 }
 
 /// Makes a solver by its name, with options as numbers: `make_solver("sr1", eps_abs=1e-7)`.
