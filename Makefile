@@ -1,4 +1,4 @@
-# make run · make test · make fuzz · make bench · make lint: each sets up what it needs in .venv, and again, fast, the second time.
+# make run · make test · make fuzz · make bench · make lint: each sets up what it needs, and again, fast, the second time.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin

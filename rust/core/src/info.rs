@@ -36,6 +36,7 @@ pub struct Info {
     /// Products with A or with the carried inverse, O(n²) each.
     pub products: usize,
     /// ‖A x − b‖ / ‖b‖, in the least-squares sense (‖A x − P b‖ / ‖b‖, P onto range(A)) where the solver knows range(A).
+    /// What folding takes out of b, where proportional rows contradict one another, counts for no solver.
     pub residual_rel: f64,
     /// ‖Nᵀ b‖, N an orthonormal basis of null(A): how far the redundant rows contradict one another.
     pub inconsistency: Option<f64>,
