@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import re
 import threading
 
 import numpy as np
@@ -158,13 +157,14 @@ def test_subclasses_of_arrays_are_read_as_arrays(solver):
 
 
 def test_an_answer_that_overflows_is_refused_or_not_converged(solver):
-    try:
-        x, info = solver.solve(np.full((1, 1), 1e-300), np.full(1, 1e100))
-    except InputError as error:
-        assert re.match(r"multipliers\[0\] = \S+, expected finite numbers", str(error))
-    else:
+    tiny, large = np.full((1, 1), 1e-300), np.full(1, 1e100)
+    if solver.name in ("cg", "minres", "cholesky-regularised"):  # they stop short of it, with the x they have
+        x, info = solver.solve(tiny, large)
         assert np.isfinite(x).all()
         assert info.status != "converged"
+    else:
+        with pytest.raises(InputError, match=r"multipliers\[0\] = \S+, expected finite numbers"):
+            solver.solve(tiny, large)
     assert solver.solve(A, B)[1].status == "converged"
 
 
