@@ -10,7 +10,7 @@ use crate::info::Info;
 use crate::params::{Params, Reader};
 use crate::pinv::{Pinv, PinvParams};
 use crate::problem::{Needs, Problem};
-use crate::solver::{MultiplierSolver, SolverKind};
+use crate::solver::{MultiplierSolver, SolverKind, State};
 
 /// Registry entry.
 pub const KIND: SolverKind = SolverKind {
@@ -76,6 +76,14 @@ impl MultiplierSolver for Auto {
     fn reset(&mut self) {
         self.fast.reset();
         self.safe.reset();
+    }
+
+    fn state(&self) -> State {
+        self.fast.save(AutoParams::SOLVER)
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        self.fast.load(state, AutoParams::SOLVER)
     }
 
     fn clone_box(&self) -> Box<dyn MultiplierSolver> {

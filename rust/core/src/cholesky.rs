@@ -33,7 +33,7 @@ use crate::kernels::{BLOCKED, axpy, by_size, dot, norm};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem, Wanted};
 use crate::small;
-use crate::solver::{MultiplierSolver, SolverKind};
+use crate::solver::{MultiplierSolver, SolverKind, State};
 
 /// Registry entry.
 pub const KIND: SolverKind = SolverKind {
@@ -46,6 +46,9 @@ pub const KIND: SolverKind = SolverKind {
 /// A negative pivot counts as A not being positive semidefinite when it is larger than this part of the first one.
 /// Rounding leaves n·ε; an indefinite matrix has pivots of order one.
 const INDEFINITE: f64 = 1e-8;
+
+/// Name of the field that holds the order of the pivots.
+const ORDER: &str = "order";
 
 /// Parameters of [`Cholesky`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,7 +65,8 @@ impl Params for CholeskyParams {
     }
 }
 
-/// The factor and its workspace; nothing is carried from step to step.
+/// The factor and its workspace. Carried from step to step is the order of the pivots, where a size has code of its own
+/// that begins with it: it decides the last bits of x.
 pub struct Cholesky {
     params: CholeskyParams,
     /// Pᵀ A P, then L in its lower trapezium; column-major, n×n.
@@ -90,9 +94,12 @@ pub struct Cholesky {
 }
 
 impl Clone for Cholesky {
-    /// With its own workspace: there is nothing else.
+    /// With the same order of pivots; the workspace is its own.
     fn clone(&self) -> Self {
-        Self::new(self.params)
+        let mut copy = Self::new(self.params);
+        copy.resize(self.pivots.len());
+        copy.pivots.copy_from_slice(&self.pivots);
+        copy
     }
 }
 
@@ -154,6 +161,37 @@ impl Cholesky {
                 arch: self.arch,
             };
         }
+    }
+
+    fn forget(&mut self) {
+        self.pivots.iter_mut().enumerate().for_each(|(i, pivot)| *pivot = i);
+    }
+
+    /// The order of the pivots, unless it is that of the rows, under the name of a solver.
+    pub(crate) fn save(&self, solver: &str) -> State {
+        let state = State::new(solver, self.pivots.len());
+        if self.pivots.iter().enumerate().all(|(i, &pivot)| i == pivot) {
+            return state;
+        }
+        let order = self.pivots.iter().map(|&pivot| pivot as f64).collect::<Vec<_>>();
+        state.with(ORDER, &order)
+    }
+
+    /// Goes on from a state of this solver.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub(crate) fn load(&mut self, state: &State, solver: &'static str) -> Result<(), Error> {
+        state.check_names(solver, &[ORDER])?;
+        if state.fields.is_empty() {
+            state.check(solver, &[])?;
+            self.forget();
+            return Ok(());
+        }
+        let order = state.order(ORDER, solver)?;
+        self.resize(order.len());
+        self.pivots.copy_from_slice(&order);
+        Ok(())
     }
 
     /// Factor, projections and solves for sizes that have no code of their own.
@@ -453,9 +491,19 @@ impl MultiplierSolver for Cholesky {
         })
     }
 
-    fn reset(&mut self) {}
+    fn reset(&mut self) {
+        self.forget();
+    }
 
     fn clone_box(&self) -> Box<dyn MultiplierSolver> {
         Box::new(self.clone())
+    }
+
+    fn state(&self) -> State {
+        self.save(CholeskyParams::SOLVER)
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        self.load(state, CholeskyParams::SOLVER)
     }
 }

@@ -1,6 +1,7 @@
 //! The trait that every solver implements, and the registry of names.
 
 use std::collections::BTreeMap;
+use std::mem;
 use std::ops::RangeInclusive;
 
 use serde::{Deserialize, Serialize};
@@ -93,6 +94,23 @@ impl State {
         }
         let reason = format!("a count is {value}, expected a whole number from {least} to {most}");
         Err(Error::State { solver, reason })
+    }
+
+    /// A field that holds every row once, in some order.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub fn order(&self, name: &str, solver: &'static str) -> Result<Vec<usize>, Error> {
+        self.check(solver, &[(name, self.size)])?;
+        let mut met = vec![false; self.size];
+        let mut take = |&entry: &f64| {
+            let row = Self::count(entry, 0..=self.size - 1, solver)?;
+            if mem::replace(&mut met[row], true) {
+                return Err(Error::State { solver, reason: format!("field '{name}' has row {row} twice") });
+            }
+            Ok(row)
+        };
+        self.field(name).iter().map(&mut take).collect()
     }
 
     /// Checks that it is this solver's and that its fields have these lengths and are finite.
