@@ -575,6 +575,9 @@ impl Tracked {
         } else {
             self.z.copy_from_slice(&self.u);
         }
+        if !self.z.iter().all(|entry| entry.is_finite()) {
+            return Err(Lost);
+        }
         self.past.push(&self.z);
         Ok(())
     }
@@ -595,7 +598,10 @@ impl Tracked {
         gemv(&self.carried.inverse, &self.x, &mut self.z);
         count.products += 3;
         self.past.restart(self.x.len());
-        self.past.push(&self.z);
+        // z = A⁺ x = A⁺ A⁺ b overflows before x does, and is no past then.
+        if self.z.iter().all(|entry| entry.is_finite()) {
+            self.past.push(&self.z);
+        }
         Ok([inconsistency, norm(&self.r)])
     }
 }
