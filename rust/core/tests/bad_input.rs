@@ -210,6 +210,50 @@ fn a_restored_solver_knows_when_x_grows_beyond_bounds() {
     }
 }
 
+/// The order of the pivots begins with that of the last step, and decides the last bits.
+#[test]
+fn the_order_of_the_pivots_is_carried_saved_and_forgotten() {
+    let matrix = [[12.75, 0.75, -11.75], [0.75, 17.25, 5.75], [-11.75, 5.75, 24.75]];
+    for name in ["cholesky", "auto"] {
+        let kind = SOLVERS.iter().find(|kind| kind.name == name).expect("registered");
+        let mut system = rows(matrix, [-3.0, -3.5, -2.5]);
+        let first = solve(&mut *make(kind), &mut system);
+        let mut original = make(kind);
+        solve(
+            &mut *original,
+            &mut rows([[0.0, 0.0, 0.0], [0.0, 2.0, 1.0], [0.0, 1.0, 3.0]], [0.0, 1.0, 1.0]),
+        );
+        solve(
+            &mut *original,
+            &mut rows([[1e-4, 0.0, 0.0], [0.0, 2.0, 1.0], [0.0, 1.0, 3.0]], [0.0, 1.0, 1.0]),
+        );
+        let state = original.state();
+        assert!(!state.fields.is_empty(), "{name}: pivots in the order of the rows show nothing");
+        let (mut copy, mut restored) = (original.clone_box(), make(kind));
+        restored.restore(&state).expect("its own state");
+        let expected = solve(&mut *original, &mut system);
+        assert_ne!(expected.0, first.0, "{name}: the order does not matter here, so the rest shows nothing");
+        assert_eq!(solve(&mut *copy, &mut system), expected, "{name}");
+        assert_eq!(solve(&mut *restored, &mut system), expected, "{name}");
+        original.reset();
+        assert_eq!(solve(&mut *original, &mut system), first, "{name}");
+        let mut twice = state.clone();
+        twice.fields.get_mut("order").expect("saved").fill(1.0);
+        let error = make(kind).restore(&twice).unwrap_err().to_string();
+        assert_eq!(error, format!("solver '{name}' cannot take the state: field 'order' has row 1 twice"));
+    }
+}
+
+/// x is finite, but A⁺ x, from which the next step is extrapolated, is not.
+#[test]
+fn a_state_is_whole_where_what_it_extrapolates_would_overflow() {
+    for kind in SOLVERS {
+        let mut solver = make(kind);
+        solve(&mut *solver, &mut rows([[1e-140, 0.0], [0.0, 2e-140]], [1e60, 1e60]));
+        make(kind).restore(&solver.state()).expect(kind.name);
+    }
+}
+
 /// The representative of both rows is the first, and 1e-22 is rounding next to 83; it used to stand for all of A.
 #[test]
 fn the_fold_of_a_dense_matrix_takes_no_rounding_for_the_whole() {
