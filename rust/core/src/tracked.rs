@@ -159,6 +159,8 @@ pub struct Tracked {
     s: Vec<f64>,
     /// Whether (s, y) is a secant pair with s − H y = −H r.
     paired: bool,
+    /// ‖Nᵀ A x‖ where r was computed last.
+    leak: f64,
     /// Whether H = Π H Π for the N of now.
     projected: bool,
     /// A N and H A N of the last round, and A N of the one before; n×d at most n×n.
@@ -206,6 +208,7 @@ impl Tracked {
             y: vector(),
             s: vector(),
             paired: false,
+            leak: 0.0,
             projected: true,
             image: square(),
             correction: square(),
@@ -410,7 +413,7 @@ impl Tracked {
     fn residual(&mut self, problem: &mut Problem<'_>, rhs: &[f64], x: &[f64]) {
         problem.apply(x, &mut self.r);
         axpy(-1.0, rhs, &mut self.r);
-        self.null.project(&mut self.r);
+        self.leak = self.null.project(&mut self.r).sqrt();
     }
 
     /// Goes on from `x` and r until ‖r‖ ≤ `target` and the step that is left is small beside ‖x‖ (and beside `scale`);
@@ -520,6 +523,9 @@ impl Tracked {
         let (rhs, mut x) = (std::mem::take(&mut self.b), std::mem::take(&mut self.x));
         if predicted {
             self.moved.copy_from_slice(&x);
+            self.y.copy_from_slice(&self.r);
+            axpy(1.0, problem.rhs(), &mut self.y);
+            self.leak = self.null.project(&mut self.y).sqrt();
             self.null.project(&mut self.r);
         } else {
             self.moved.fill(0.0);
@@ -530,6 +536,10 @@ impl Tracked {
         (self.b, self.x) = (rhs, x);
         let (r_norm, steps) = solved?;
         count.iterations += steps;
+        // Nᵀ A x, which the projected residual hides: A has come to see what N takes for null.
+        if self.leak > NULL_CEILING * problem.trace() * norm(&self.x) {
+            return Err(Lost);
+        }
         self.stay_in_range(problem, predicted, count)?;
         // The trace of A⁺ is at most r / λ⁺, and that of A at most r times its largest eigenvalue.
         let growth = self.inverse_trace() * problem.trace() * self.params.rank_cut;

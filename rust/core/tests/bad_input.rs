@@ -244,6 +244,27 @@ fn the_order_of_the_pivots_is_carried_saved_and_forgotten() {
     }
 }
 
+/// The null direction (1, −1, 0, 0) comes to have curvature, and b has no part in it.
+#[test]
+fn a_rank_that_rises_where_b_does_not_see_it_is_noticed() {
+    for kind in SOLVERS {
+        let (mut solver, mut system) = (make(kind), ConstrainedSystem::new());
+        for soft in [0.0, 0.0, 0.0, 0.0, 0.0, 16.0] {
+            let step = StepView {
+                mass: &[1.0, 0.0, 0.0, 1.0],
+                jacobian: &[4.0; 8],
+                force: &[4.0; 2],
+                aref: &[0.0; 4],
+                regularisation: Some(&[soft, 0.0, 2.0, 4.0]),
+            };
+            system.assemble(&step).expect("good");
+            let (x, info) = solve(&mut *solver, &mut system);
+            let miss = (system.full_matrix() * x - system.rhs()).norm();
+            assert_within(&format!("{} with {soft}: {info:?}", kind.name), miss, 1e-6); // eps_abs
+        }
+    }
+}
+
 /// x is finite, but A⁺ x, from which the next step is extrapolated, is not.
 #[test]
 fn a_state_is_whole_where_what_it_extrapolates_would_overflow() {
