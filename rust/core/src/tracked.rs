@@ -693,6 +693,10 @@ impl MultiplierSolver for Tracked {
         if n > 0 {
             state.check(TrackedParams::SOLVER, &[("staleness", 1)])?;
             restored.staleness = state.field("staleness")[0];
+            if restored.staleness < 0.0 {
+                let reason = format!("staleness = {}, expected a number ≥ 0", restored.staleness);
+                return Err(Error::State { solver: TrackedParams::SOLVER, reason });
+            }
             restored.carried.restore(state);
             restored.null.load(state)?;
             restored.past.load(state, "past", (n, 0), TrackedParams::SOLVER)?;
