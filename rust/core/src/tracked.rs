@@ -248,7 +248,7 @@ impl Tracked {
 
     fn saw_staleness(&mut self, after: f64, before: f64) {
         if before > 0.0 {
-            self.staleness = self.staleness.max(CAUTION * after / before);
+            self.staleness = self.staleness.max(CAUTION * after / before).min(f64::MAX);
         }
     }
 
