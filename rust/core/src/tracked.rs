@@ -159,7 +159,7 @@ pub struct Tracked {
     s: Vec<f64>,
     /// Whether (s, y) is a secant pair with s − H y = −H r.
     paired: bool,
-    /// ‖Nᵀ A x‖ where r was computed last.
+    /// ‖Nᵀ (A x − b)‖ where r was computed last.
     leak: f64,
     /// Whether H = Π H Π for the N of now.
     projected: bool,
@@ -412,8 +412,10 @@ impl Tracked {
 
     fn residual(&mut self, problem: &mut Problem<'_>, rhs: &[f64], x: &[f64]) {
         problem.apply(x, &mut self.r);
+        let off = |column| (dot(column, &self.r) - dot(column, problem.rhs())).powi(2);
+        self.leak = self.null.columns().map(off).sum::<f64>().sqrt();
         axpy(-1.0, rhs, &mut self.r);
-        self.leak = self.null.project(&mut self.r).sqrt();
+        self.null.project(&mut self.r);
     }
 
     /// Goes on from `x` and r until ‖r‖ ≤ `target` and the step that is left is small beside ‖x‖ (and beside `scale`);
@@ -523,10 +525,7 @@ impl Tracked {
         let (rhs, mut x) = (std::mem::take(&mut self.b), std::mem::take(&mut self.x));
         if predicted {
             self.moved.copy_from_slice(&x);
-            self.y.copy_from_slice(&self.r);
-            axpy(1.0, problem.rhs(), &mut self.y);
-            self.leak = self.null.project(&mut self.y).sqrt();
-            self.null.project(&mut self.r);
+            self.leak = self.null.project(&mut self.r).sqrt();
         } else {
             self.moved.fill(0.0);
             self.start(problem, &rhs, &mut x, count);
@@ -536,8 +535,9 @@ impl Tracked {
         (self.b, self.x) = (rhs, x);
         let (r_norm, steps) = solved?;
         count.iterations += steps;
-        // Nᵀ A x, which the projected residual hides: A has come to see what N takes for null.
-        if self.leak > NULL_CEILING * problem.trace() * norm(&self.x) {
+        // What the projected residual hides: all that may be left along N is the contradiction in b. If there is more, A has
+        // come to see what N takes for null.
+        if self.leak > inconsistency + target + NULL_FLOOR * problem.trace() * norm(&self.x) {
             return Err(Lost);
         }
         self.stay_in_range(problem, predicted, count)?;
