@@ -28,7 +28,7 @@ else
 endif
 
 test: setup
-	$(CARGO) test --locked --release --quiet -p oarlock-core
+	$(CARGO) test --locked --release --quiet -p oarlock-core -p oarlock-fuzz
 	$(BIN)/python -m pytest
 
 # Looks for bytes that break a solver, for SECONDS; what it finds is left in build/fuzz, and goes on from there.
