@@ -175,8 +175,8 @@ mod tests {
 
     #[test]
     fn a_polynomial_is_continued_by_the_order_that_it_needs_over_any_steps() {
-        for degree in 0..LONGEST as i32 {
-            let value = |t: i32| [f64::from(t.pow(degree.unsigned_abs())), 1.0];
+        for degree in 0..4 {
+            let value = |t: i32| [f64::from(t.pow(degree)), 1.0];
             let mut history = History::new(LONGEST, 2);
             history.restart(2);
             assert!(history.is_empty() && history.expected_miss().is_infinite());
@@ -217,10 +217,12 @@ mod tests {
         let mut history = History::new(LONGEST, 1);
         history.restart(1);
         let noise = [1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0];
-        noise.iter().for_each(|&value| push(&mut history, &[value]));
+        for value in noise {
+            push(&mut history, &[value]);
+        }
         history.advance();
         let mut next = [0.0];
         history.predict(&mut next);
-        assert_eq!(next, [1.0], "the last value again");
+        assert!((next[0] - 1.0).abs() < 1e-15, "the last value again, not {}", next[0]);
     }
 }

@@ -103,7 +103,9 @@ fn factorise<const N: usize>(
                 break;
             }
             a.swap(col, best);
-            a.iter_mut().for_each(|column| column.swap(col, best));
+            for column in a.iter_mut() {
+                column.swap(col, best);
+            }
             pivots.swap(col, best);
         }
         let inverse = pivot.recip();

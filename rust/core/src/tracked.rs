@@ -25,17 +25,17 @@
 //!   any null space is looked at, and it has nothing along a direction that A has just lost. An x extrapolated from earlier
 //!   x has both faults; it took a probe of up to two dozen products a step to exclude the second one.
 //! - **N need not be good where x is.** With a start in range(A), an error δ of N costs δ ‖H r‖ of the norm, not δ ‖x‖, and
-//!   δ ‖H‖ ‖Nᵀ b‖ through the part of b that is cut off. [`NULL_SHARE`] · rtol is asked of their sum: with a good prediction
-//!   one round of correction is enough, it need not be verified, and where the extrapolated N is good enough there is none:
-//!   then Π is applied to vectors and H is left alone. Together with z that takes the boat from 27 products a step to 6.5.
+//!   δ ‖H‖ ‖Nᵀ b‖ through the part of b that is cut off. [`NULL_SHARE`] · rtol is asked of their sum. Where the extrapolated
+//!   N is as good as that it is not corrected: then Π is applied to vectors and H is left alone. Together with z that takes
+//!   the boat from 27 products a step to about 7.
 //! - **The error of N is H A N**, not A N: where loops stand open, a dropped eigenvalue of 4e-9 keeps A N away from zero for
-//!   ever, and a test on it refreshes every step. After a correction C it is `staleness` · ‖C‖, with the staleness of H, the
-//!   part of a direction that 1 − H A leaves, measured wherever two corrections in a row show it.
+//!   ever, and a test on it refreshes every step. It is taken for [`CAUTION`] times what is left of a correction, or for the
+//!   last correction itself if that is more: one direction does not speak for all. A second round shows what is left.
 //! - The correction of N is an SR1 iteration itself. Its second rounds give secant pairs for nothing.
 //! - Corrections lie in range(A): the basis is carried along in parallel and can be extrapolated column by column.
 //! - The order of the extrapolations is chosen by how each did lately ([`History`]). Runge–Kutta's stages are not equally
 //!   spaced, and there the lowest order wins.
-//! - A residual relative to b does not bound x where A is ill-conditioned: staleness · ‖H r‖ ≤ rtol ‖x‖ is asked for too.
+//! - A residual relative to b does not bound x where A is ill-conditioned: ‖H r‖ ≤ rtol ‖x‖ is asked for too.
 //! - Projecting y and r, not only b, matters: the loop stagnates on r's null part otherwise.
 //!
 //! # What it does not do
@@ -75,11 +75,8 @@ const NULL_FLOOR: f64 = 2e-13;
 /// Largest error of N that is accepted, however little depends on it: H is projected with it.
 const NULL_CEILING: f64 = 1e-4;
 
-/// The staleness of H is taken to be this many times what was seen last: one direction does not speak for all.
+/// What 1 − H A leaves of any direction is taken for this many times what it was seen to leave of one.
 const CAUTION: f64 = 10.0;
-
-/// How the staleness of H is taken to grow in a step that did not show it.
-const AGEING: f64 = 1.5;
 
 /// Rounds of correction teach H only where they leave more than this part: where they go well, pairs are next to dependent,
 /// and what H would learn from them is noise.
@@ -95,17 +92,8 @@ const LEARNT: f64 = 1e-5;
 const POOR_START: f64 = 0.5;
 
 /// Fields of a saved state.
-const FIELDS: [&str; 9] = [
-    "inverse",
-    "least",
-    "staleness",
-    "past",
-    "past_track",
-    "null",
-    "null_dim",
-    "null_past",
-    "null_past_track",
-];
+const FIELDS: [&str; 8] =
+    ["inverse", "least", "past", "past_track", "null", "null_dim", "null_past", "null_past_track"];
 
 /// Parameters of [`Tracked`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -144,7 +132,7 @@ pub struct Tracked {
     null: NullSpace,
     /// z of accepted solutions, A z = x.
     past: History,
-    /// What 1 − H A leaves of a direction, as far as it was seen lately; at most 1.
+    /// What 1 − H A may leave of a direction in this solve: all of it, or more if that was seen.
     staleness: f64,
     /// Π b.
     b: Vec<f64>,
@@ -197,7 +185,7 @@ impl Tracked {
             carried: CarriedInverse::new(n, params.rank_cut),
             null: NullSpace::new(n),
             past: History::new(params.predict, n),
-            staleness: 0.0,
+            staleness: 1.0,
             b: vector(),
             x: vector(),
             z: vector(),
@@ -345,7 +333,7 @@ impl Tracked {
         if dot(&self.s, &self.y) > allowed * inconsistency * inconsistency { Err(Lost) } else { Ok(()) }
     }
 
-    /// The pairs (C, A C) of the last correction: y = A N_old − A N_new, and w = C − H y = H A N_new, which is the new C.
+    /// The pairs (C, A C) of the last correction: y = A N − A N', and w = C − H y = H A N', which is the new C.
     /// What is not longer than `least` is left alone.
     fn learn_from_rounds(&mut self, least: f64) {
         let n = self.x.len();
@@ -500,7 +488,7 @@ impl Tracked {
 
     /// One solve from what is carried; gives ‖Nᵀ b‖, the error of N and ‖r‖.
     fn advance(&mut self, problem: &mut Problem<'_>, count: &mut Count) -> Result<[f64; 3], Lost> {
-        self.staleness = (AGEING * self.staleness).min(1.0);
+        self.staleness = 1.0;
         self.paired = false;
         let n = self.x.len();
         let b_norm = norm(problem.rhs());
@@ -596,7 +584,6 @@ impl Tracked {
     fn refresh(&mut self, problem: &mut Problem<'_>, count: &mut Count) -> Result<[f64; 2], Error> {
         self.carried.refresh(problem)?;
         self.projected = true;
-        self.staleness = 1.0;
         let eigen = self.carried.eigen();
         self.null.restart((0..eigen.len() - eigen.rank()).map(|i| eigen.vector(i)));
         self.make_room();
@@ -645,12 +632,11 @@ impl MultiplierSolver for Tracked {
         let mut count = Count::default();
         let advanced = if self.carried.is_stale() { Err(Lost) } else { self.advance(problem, &mut count) };
         let refreshed = advanced.is_err();
-        let [inconsistency, null_residual, r_norm] = match advanced {
-            Ok(figures) => figures,
-            Err(Lost) => {
-                let [inconsistency, r_norm] = self.refresh(problem, &mut count)?;
-                [inconsistency, self.carried.eigen().null_residual(), r_norm]
-            }
+        let [inconsistency, null_residual, r_norm] = if let Ok(figures) = advanced {
+            figures
+        } else {
+            let [inconsistency, r_norm] = self.refresh(problem, &mut count)?;
+            [inconsistency, self.carried.eigen().null_residual(), r_norm]
         };
         x.copy_from_slice(&self.x);
         let b_norm = norm(problem.rhs());
@@ -681,7 +667,6 @@ impl MultiplierSolver for Tracked {
         if self.carried.is_stale() {
             return state;
         }
-        let state = state.with("staleness", &[self.staleness]);
         self.null.save(self.past.save(state, "past"))
     }
 
@@ -691,12 +676,6 @@ impl MultiplierSolver for Tracked {
         let n = if state.fields.is_empty() { 0 } else { state.size };
         let mut restored = Self::sized(self.params, n);
         if n > 0 {
-            state.check(TrackedParams::SOLVER, &[("staleness", 1)])?;
-            restored.staleness = state.field("staleness")[0];
-            if restored.staleness < 0.0 {
-                let reason = format!("staleness = {}, expected a number ≥ 0", restored.staleness);
-                return Err(Error::State { solver: TrackedParams::SOLVER, reason });
-            }
             restored.carried.restore(state);
             restored.null.load(state)?;
             restored.past.load(state, "past", (n, 0), TrackedParams::SOLVER)?;

@@ -184,14 +184,6 @@ fn a_state_without_a_past_in_its_null_space_is_refused() {
 }
 
 #[test]
-fn a_negative_staleness_is_refused() {
-    let kind = SOLVERS.iter().find(|kind| kind.name == "sr1-tracked").expect("registered");
-    let state = state_of(kind).with("staleness", &[-1.0]);
-    let error = make(kind).restore(&state).unwrap_err().to_string();
-    assert_eq!(error, "solver 'sr1-tracked' cannot take the state: staleness = -1, expected a number ≥ 0");
-}
-
-#[test]
 fn a_state_without_fields_makes_a_solver_forget() {
     for kind in SOLVERS {
         let (mut solver, mut system) = (make(kind), diagonal(&[1.0, 2.0, 3.0]));

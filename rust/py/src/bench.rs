@@ -12,9 +12,10 @@ pub fn bench_sizes() -> Vec<usize> {
     SIZES.to_vec()
 }
 
-/// Every solver and every library's pseudo-inverse on the recorded sequence of n rows, as dictionaries: name, n, library,
-/// right, solve_ns, given_ns, min_norm_error, contradicted_error, products. An interruption is raised between rounds.
+/// Every solver and every library's pseudo-inverse on the recorded sequence of n rows, as dictionaries with the
+/// fields of `Timing` and whether it is right. An interruption is raised between rounds.
 #[pyfunction]
+#[allow(clippy::redundant_closure_for_method_calls)] // the method itself has too narrow a lifetime
 pub fn bench_solvers(py: Python<'_>, n: usize, rounds: usize) -> PyResult<Bound<'_, PyList>> {
     let mut signal = Ok(());
     let table = py.detach(|| {
