@@ -301,6 +301,9 @@ impl Tracked {
                 self.saw_staleness(size, last);
                 self.learn_from_rounds(WORTHWHILE * last);
             }
+            if self.image_outside() > trace * (CAUTION * size + NULL_FLOOR) {
+                return Err(Lost);
+            }
             self.null.correct(&self.correction);
             let error = self.staleness * size;
             if error <= tolerance || size <= NULL_FLOOR {
@@ -312,7 +315,19 @@ impl Tracked {
         Err(Lost)
     }
 
-    /// Where N is taken as predicted: whether what it cuts off b is null indeed, by its Rayleigh quotient.
+    /// ‖Π A N‖, at most ‖A‖ times the error of N. If it is more than that of the error that H sees, H is blind to a part.
+    fn image_outside(&mut self) -> f64 {
+        let mut squares = 0.0;
+        for image in self.image.chunks_exact(self.x.len()) {
+            self.y.copy_from_slice(image);
+            self.null.project(&mut self.y);
+            squares += dot(&self.y, &self.y);
+        }
+        squares.sqrt()
+    }
+
+    /// Where N is taken as predicted: whether what it cuts off b is null indeed, by its Rayleigh quotient and by ‖Π A v‖, which
+    /// an error of N enters in the first power.
     fn check_cut_off(
         &mut self,
         problem: &mut Problem<'_>,
@@ -328,9 +343,12 @@ impl Tracked {
         }
         problem.apply(&self.s, &mut self.y);
         count.products += 1;
-        let error = CAUTION * miss;
-        let allowed = (self.params.rank_cut + error * error) * problem.trace();
-        if dot(&self.s, &self.y) > allowed * inconsistency * inconsistency { Err(Lost) } else { Ok(()) }
+        let (error, trace) = (CAUTION * miss, problem.trace());
+        let curvature = dot(&self.s, &self.y);
+        self.null.project(&mut self.y);
+        let null =
+            curvature <= (self.params.rank_cut + error * error) * trace * inconsistency * inconsistency;
+        if null && norm(&self.y) <= trace * (error + NULL_FLOOR) * inconsistency { Ok(()) } else { Err(Lost) }
     }
 
     /// The pairs (C, A C) of the last correction: y = A N − A N', and w = C − H y = H A N', which is the new C.

@@ -163,3 +163,30 @@ fn the_reference_agrees_on_accelerations_with_every_solver_along_the_boat() {
         }
     }
 }
+
+/// A null space that has stood still is predicted to stand still for ever, with an expected error of zero. A step aside of
+/// 1e-3 must be noticed all the same, though its Rayleigh quotient is the square of that and less.
+#[test]
+fn a_null_space_that_steps_aside_after_a_standstill_is_noticed() {
+    let step = |turn: f64| {
+        let (sin, cos) = turn.sin_cos();
+        // No two rows are proportional, and the third is a sum of the others; b contradicts that.
+        let factor = DMatrix::from_row_slice(3, 2, &[1.0, 0.0, 0.0, cos, 0.5, sin]);
+        dense(&(&factor * factor.transpose()), &DVector::from_row_slice(&[1.0, 2.0, 5.0]))
+    };
+    for name in ["sr1-tracked", "cholesky", "auto"] {
+        for turn in [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.5] {
+            let (mut tried, mut pinv) = (solver(name), solver("pinv"));
+            for _ in 0..8 {
+                solve(&mut *tried, &mut step(0.3));
+            }
+            let (x, info) = solve(&mut *tried, &mut step(0.3 + turn));
+            let (truth, _) = solve(&mut *pinv, &mut step(0.3 + turn));
+            assert_within(
+                &format!("{name} after {turn}: {info:?}"),
+                (&x - &truth).norm(),
+                1e-7 * truth.norm(),
+            );
+        }
+    }
+}
