@@ -53,6 +53,13 @@ impl CarriedInverse {
         self.stale = true;
     }
 
+    /// Asks for a refresh if H has overflowed. An update that overflows does so on the diagonal, for |uᵢ uⱼ| is at most the
+    /// larger of uᵢ² and uⱼ².
+    pub fn invalidate_overflow(&mut self) {
+        let n = self.len();
+        self.stale |= !(0..n).all(|i| self.inverse[i * n + i].is_finite());
+    }
+
     /// The last eigendecomposition.
     #[must_use]
     pub const fn eigen(&self) -> &SymmetricEigen {
@@ -185,6 +192,7 @@ impl Iterate {
             self.refreshed = true;
             self.solve_with(carried, problem);
         }
+        carried.invalidate_overflow();
         x.copy_from_slice(&self.x);
         Ok(Info {
             status,
