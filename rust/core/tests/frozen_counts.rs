@@ -77,7 +77,7 @@ fn boat_of_12_000_steps() {
         ("bfgs", &[], Counts::new(11_998, 1, 2, 0)),
         ("dfp", &[], Counts::new(11_998, 1, 2, 0)),
         ("sr1-tracked", &[("predict", 0.0)], Counts::new(23_961, 2, 2, 0)),
-        ("sr1-tracked", &[("predict", 4.0)], Counts::new(10_051, 3, 2, 0)),
+        ("sr1-tracked", &[("predict", 4.0)], Counts::new(2_925, 3, 3, 0)),
         ("cg", &[], Counts::new(23_999, 2, 0, 0)),
         ("minres", &[], Counts::new(23_999, 2, 0, 0)),
     ];
