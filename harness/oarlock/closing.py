@@ -25,6 +25,10 @@ SUSPECTS = 24
 """So many equalities at most are tried one by one when a start cannot be closed: two closings each."""
 
 
+FAR = 1e6
+"""A gap in m or rad that no mechanism closes in ``MAX_STEPS`` steps of ``TRUST``."""
+
+
 def close(model: mujoco.MjModel, data: mujoco.MjData, rank_cut: float | None) -> bool:
     """Closes the active equalities by changing ``qpos``; the position stage is valid afterwards.
 
@@ -42,7 +46,9 @@ def close(model: mujoco.MjModel, data: mujoco.MjData, rank_cut: float | None) ->
         for _ in range(MAX_STEPS):
             if error <= CLOSED:
                 return True
-            step = projector.correction(data, -data.efc_pos[: data.ne], damping)
+            # The step is cut to TRUST: of a gap beyond FAR only the direction matters, and its square may overflow.
+            wanted = -data.efc_pos[: data.ne] / max(1.0, error / FAR)
+            step = projector.correction(data, wanted, damping)
             step *= min(1.0, TRUST / max(np.abs(step).max(), TRUST))
             before = data.qpos.copy()
             mujoco.mj_integratePos(model, data.qpos, step, 1.0)

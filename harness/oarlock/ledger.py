@@ -7,7 +7,7 @@ from typing import Any
 
 from oarlock import digest
 from oarlock.errors import InputError
-from oarlock.results import ResultFolder, replacing
+from oarlock.results import ResultFolder, replacing, uninterrupted
 from oarlock.unit import Outcome, Unit
 
 NAME = "units.json"
@@ -66,7 +66,11 @@ class Ledger:
         return all(fingerprint(self.folder.path / name) == mark for name, mark in entry["files"].items())
 
     def keep(self, unit: Unit, outcome: Outcome) -> None:
-        """Keeps what a unit gave: its tables first, so that what the ledger names is there."""
+        """Keeps what a unit gave, all of it or nothing: its tables first, so that what the ledger names is there."""
+        with uninterrupted():
+            self._keep(unit, outcome)
+
+    def _keep(self, unit: Unit, outcome: Outcome) -> None:
         files = dict(outcome.files)
         if outcome.sketch is not None:
             files["sketch.json"] = (json.dumps(outcome.sketch, indent=1, ensure_ascii=False) + "\n").encode()

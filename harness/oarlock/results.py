@@ -145,7 +145,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        with _uninterrupted():
+        with uninterrupted():
             path.parent.mkdir(parents=True, exist_ok=True)
             yield temporary
             os.replace(temporary, path)
@@ -157,8 +157,11 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Keeps an interruption back until the block is done: a library that is interrupted may leave half a file."""
+def uninterrupted() -> Iterator[None]:
+    """Keeps an interruption back until the block is done, or the block around it.
+
+    A library that is interrupted may leave half a file, and a finished run is more than one file.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -168,7 +171,9 @@ def _uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-        if caught:
+        if caught and callable(before):
+            before(signal.SIGINT, None)
+        elif caught:
             raise KeyboardInterrupt
 
 

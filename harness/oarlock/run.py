@@ -17,7 +17,7 @@ from oarlock.experiments import Laboratory, Setup, Task
 from oarlock.mechanism import coordinates, equalities
 from oarlock.provenance import inputs, occasion
 from oarlock.reactions import verdict
-from oarlock.results import ResultFolder, RunResult
+from oarlock.results import ResultFolder, RunResult, uninterrupted
 from oarlock.sketch import sketch
 from oarlock.solvers import MUJOCO, SolverSpec
 
@@ -303,8 +303,9 @@ class _Keeper:
         results.frames.append(result.table())
         if not folder:
             return
-        folder.write_steps(result)
-        folder.write_json("summary.json", results.document())
+        with uninterrupted():
+            folder.write_steps(result)
+            folder.write_json("summary.json", results.document())
         if not self._sketched and len(result.steps):
             path = np.array(result.steps["qpos"].to_list())
             folder.write_json("sketch.json", sketch(self._setup.model, self._setup.start.qpos, path))

@@ -6,12 +6,16 @@ members of ``Workers``.
 
 import multiprocessing
 import os
+import pickle
 import signal
+import tempfile
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from typing import Generic, Protocol, TypeVar
+from functools import partial
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -46,10 +50,15 @@ class Workers(Protocol):
 
 
 class LocalWorkers:
-    """Processes of this machine, started when they are needed and used again."""
+    """Processes of this machine, started when they are needed and used again.
+
+    What they give comes as files: a process killed while it writes into the pool's pipe would leave half a message
+    there, and its reader waiting for ever. The name of a file is written in one piece.
+    """
 
     def __init__(self, jobs: int):
         self._jobs = jobs
+        self._files: tempfile.TemporaryDirectory[str] | None = None
         self._pool: ProcessPoolExecutor | None = None
         self._processes: list[multiprocessing.process.BaseProcess] = []
 
@@ -60,20 +69,22 @@ class LocalWorkers:
 
     def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
         """As ``Workers``."""
-        if self._pool is None:
+        if self._pool is None or self._files is None:
+            self._files = tempfile.TemporaryDirectory(prefix="oarlock-", ignore_cleanup_errors=True)
             # Not fork: a library's threads would not survive it.
             self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"))
         before = multiprocessing.active_children()
+        result: Future[Result] = Future()
         with _uninterrupted_children(), _one_thread():
-            future = self._pool.submit(function, item)
+            file = self._pool.submit(_to_file, function, item, self._files.name)
+        file.add_done_callback(partial(_from_file, result))
         self._processes += [child for child in multiprocessing.active_children() if child not in before]
-        return future
+        return result
 
     def renew(self) -> str:
         """As ``Workers``."""
-        pool, processes, self._pool, self._processes = self._pool, self._processes, None, []
-        if pool is not None:
-            pool.shutdown(wait=True, cancel_futures=True)
+        processes = self._processes
+        self._let_go(wait=True)
         # The pool ends those that are left with SIGTERM; the one that broke it ended before.
         codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
         if not codes or codes[0] is None:
@@ -82,17 +93,38 @@ class LocalWorkers:
 
     def close(self) -> None:
         """As ``Workers``."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=True)
-            self._pool, self._processes = None, []
+        self._let_go(wait=True)
 
     def kill(self) -> None:
         """As ``Workers``."""
+        for process in self._processes:
+            process.kill()
+        self._let_go(wait=False)
+
+    def _let_go(self, *, wait: bool) -> None:
         if self._pool is not None:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            for process in self._processes:
-                process.kill()
-            self._pool, self._processes = None, []
+            self._pool.shutdown(wait=wait, cancel_futures=True)
+        if self._files is not None:
+            self._files.cleanup()
+        self._pool, self._files, self._processes = None, None, []
+
+
+def _to_file(function: Callable[[Item], Any], item: Item, folder: str) -> str:
+    result = function(item)
+    with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
+        pickle.dump(result, file)
+    return file.name
+
+
+def _from_file(result: "Future[Any]", file: "Future[str]") -> None:
+    try:
+        path = Path(file.result())
+        content = pickle.loads(path.read_bytes())
+        path.unlink()
+    except BaseException as error:
+        result.set_exception(error)
+    else:
+        result.set_result(content)
 
 
 def _signal_or_status(code: int) -> str:
