@@ -1,0 +1,37 @@
+//! What can go wrong on the way.
+
+use thiserror::Error as ThisError;
+
+/// What ended a run, or kept it from beginning.
+#[derive(Debug, Clone, PartialEq, ThisError)]
+#[non_exhaustive]
+pub enum Error {
+    /// The library is not in this process, lacks a function, or is of another version.
+    #[error("{0}")]
+    Library(String),
+    /// MuJoCo reported an error: `mju_error`, which would have ended the process.
+    #[error("{0}")]
+    Mujoco(String),
+    /// The solver refused the system of a state.
+    #[error(transparent)]
+    Core(#[from] oarlock_core::Error),
+    /// A state or a model that the comparison does not cover; the text says what was expected.
+    #[error("{0}")]
+    Refused(String),
+    /// Rows of contacts, limits or friction are active at this time, s.
+    #[error("contacts, limits or friction are active at t = {time} s, expected equality rows only")]
+    Inequalities {
+        /// data.time, s.
+        time: f64,
+    },
+    /// A law of the drive has no finite value.
+    #[error("law {law} is {value} at t = {time} s, expected a finite control")]
+    Control {
+        /// Position of the law among those of the drive.
+        law: usize,
+        /// What it gave.
+        value: f64,
+        /// s.
+        time: f64,
+    },
+}

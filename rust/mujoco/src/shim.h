@@ -1,0 +1,54 @@
+// What library.rs sees of MuJoCo: pointers into mjModel and mjData, whose layout only a C compiler that has read their
+// headers knows, and calls that come back when MuJoCo reports an error.
+#ifndef OARLOCK_SHIM_H_
+#define OARLOCK_SHIM_H_
+
+#include <stdint.h>
+#include <mujoco/mujoco.h>
+
+#define OARLOCK_MESSAGE 1024  // size of a buffer for a message
+
+// Mirrored in library.rs, in this order.
+typedef struct {
+  int64_t nq, nv, nu, na, nbody, njnt, ngeom, nsite, neq, ntendon, nwrap, nplugin;
+  int64_t sparse, integrator;
+  double timestep;
+  const int *body_rootid, *jnt_type, *jnt_qposadr, *jnt_dofadr, *geom_bodyid, *site_bodyid;
+  const int *eq_type, *eq_obj1id, *eq_obj2id, *eq_objtype, *tendon_adr, *tendon_num, *wrap_type, *wrap_objid;
+  const double *qpos0, *geom_size, *site_quat, *eq_data, *tendon_length0, *wrap_prm;
+  double extent, center[3];
+} oarlock_model;
+
+// The arrays of mjData that stay where they are.
+typedef struct {
+  double *time, *energy, *qpos, *qvel, *act, *ctrl, *qacc, *qfrc_constraint;
+  const double *qfrc_smooth, *xpos, *xquat, *xmat, *cvel, *subtree_com;
+  const double *geom_xpos, *geom_xmat, *site_xpos, *ten_length, *ten_velocity, *wrap_xpos;
+  const int *ten_wrapadr, *ten_wrapnum, *wrap_obj, *solver_niter;
+} oarlock_data;
+
+// The arrays in the arena: they move whenever the constraints are made anew.
+typedef struct {
+  int64_t ne, nefc, njacobian, nisland;
+  const int *id, *rownnz, *rowadr, *colind;
+  const double *jacobian, *pos, *vel, *aref, *softness;
+  double *force;
+} oarlock_rows;
+
+// Calls that take nothing but a model and its data; mirrored in library.rs.
+enum {
+  OARLOCK_FORWARD,
+  OARLOCK_POSITION,
+  OARLOCK_SMOOTH,      // position, velocity, actuation, acceleration: all but the constraint solver
+  OARLOCK_CONSTRAINT,
+  OARLOCK_RUNGE_KUTTA,
+  OARLOCK_EULER,
+  OARLOCK_IMPLICIT,
+  OARLOCK_ENERGY,
+  OARLOCK_STEP,
+};
+
+// Writes ctrl at a time; mirrored in library.rs.
+typedef void (*oarlock_control)(void* self, double time, double* ctrl);
+
+#endif  // OARLOCK_SHIM_H_
