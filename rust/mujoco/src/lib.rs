@@ -1,6 +1,16 @@
 //! The step loops of oarlock over MuJoCo's own library.
 
+pub mod curvature;
+pub mod drive;
 pub mod error;
+pub mod experiments;
+pub mod force;
 pub mod library;
+pub mod ordered;
+pub mod projection;
+pub mod run;
+pub mod state;
+pub mod steps;
+pub mod walker;
 
 pub use error::Error;

@@ -75,6 +75,7 @@ struct DataView {
     qacc: *mut f64,
     qfrc_constraint: *mut f64,
     qfrc_smooth: *const f64,
+    qacc_smooth: *const f64,
     xpos: *const f64,
     xquat: *const f64,
     xmat: *const f64,
@@ -458,6 +459,8 @@ pub struct Data {
 
 // SAFETY: it is nobody else's, and MuJoCo keeps nothing about it in the thread.
 unsafe impl Send for Data {}
+// SAFETY: whatever takes it shared only reads, in MuJoCo too: such functions take mjData const, and do not use its stack.
+unsafe impl Sync for Data {}
 
 impl Drop for Data {
     fn drop(&mut self) {
@@ -479,6 +482,8 @@ arrays! { Data,
     qfrc_constraint: f64 = |d| d.model.nv();
     /// All forces but those of constraints, nv.
     qfrc_smooth: f64 = |d| d.model.nv();
+    /// Accelerations without constraints, nv.
+    qacc_smooth: f64 = |d| d.model.nv();
     /// Places of bodies, nbody×3, m.
     xpos: f64 = |d| 3 * size(d.model.view.nbody);
     /// Their orientations, nbody×4.

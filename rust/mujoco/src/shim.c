@@ -109,7 +109,7 @@ void oarlock_view_model(const mjModel* m, oarlock_model* view) {
 void oarlock_view_data(mjData* d, oarlock_data* view) {
   *view = (oarlock_data){
     .time = &d->time, .energy = d->energy, .qpos = d->qpos, .qvel = d->qvel, .act = d->act, .ctrl = d->ctrl,
-    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .qfrc_smooth = d->qfrc_smooth, .xpos = d->xpos,
+    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth, .xpos = d->xpos,
     .xquat = d->xquat, .xmat = d->xmat, .cvel = d->cvel, .subtree_com = d->subtree_com,
     .geom_xpos = d->geom_xpos, .geom_xmat = d->geom_xmat, .site_xpos = d->site_xpos,
     .ten_length = d->ten_length, .ten_velocity = d->ten_velocity, .wrap_xpos = d->wrap_xpos,

@@ -1,16 +1,17 @@
-//! `oarlock._core`: the solvers of `oarlock-core` for Python. Conversions, errors and classes; no numerics.
+//! `oarlock._core`: the solvers of `oarlock-core` and the step loops of `oarlock-mujoco` for Python. Conversions, errors and classes; no numerics.
 //!
 //! Every call that computes releases the interpreter lock.
 
 mod bench;
 mod convert;
 mod solver;
+mod stepping;
 mod system;
 mod time_law;
 
 use pyo3::prelude::*;
 
-/// The compiled core of oarlock: systems, solvers, laws of time.
+/// The compiled core of oarlock: systems, solvers, laws of time, step loops.
 #[pymodule]
 mod _core {
     #[pymodule_export]
@@ -19,6 +20,8 @@ mod _core {
     use super::convert::InputError;
     #[pymodule_export]
     use super::solver::{Info, MultiplierSolver, make_solver, solvers};
+    #[pymodule_export]
+    use super::stepping::{Run, Setup, open_mujoco};
     #[pymodule_export]
     use super::system::ConstrainedSystem;
     #[pymodule_export]

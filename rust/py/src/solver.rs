@@ -75,7 +75,7 @@ impl Info {
 /// Solves A λ = b one step after another, carrying what it learns. Made by `make_solver`.
 #[pyclass(module = "oarlock._core")]
 pub struct MultiplierSolver {
-    inner: Box<dyn core::MultiplierSolver>,
+    pub inner: Box<dyn core::MultiplierSolver>,
     dense: core::ConstrainedSystem,
 }
 

@@ -10,7 +10,7 @@ use crate::convert::input_error;
 /// A scalar law of time, parsed once: arithmetic, functions, PI, the time t and named constants.
 #[pyclass(module = "oarlock._core")]
 pub struct TimeLaw {
-    inner: core::TimeLaw,
+    pub inner: core::TimeLaw,
 }
 
 #[pymethods]

@@ -1,0 +1,197 @@
+"""The native path: the experiments of ``experiments.py`` walked by the compiled core, bit for bit as the Python path.
+
+The core needs MuJoCo of exactly the version that it was built against, for it reads its structs.
+"""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import polars as pl
+
+from oarlock import _core
+from oarlock.case_file import Baumgarte, Form
+from oarlock.errors import InputError, one_line
+from oarlock.inequalities import refuse_inequalities
+from oarlock.results import SCHEMA
+from oarlock.solvers import MUJOCO, REFERENCE, SolverSpec
+
+Make = Callable[[SolverSpec], _core.MultiplierSolver]
+
+TICK_STEPS = 200
+"""Steps between two reports of progress, and between two looks at interruptions."""
+
+CHUNK_STEPS = 50_000
+"""Rows that the core holds at most before they are taken over."""
+
+
+@cache
+def refusal() -> str:
+    """Why the native path cannot be taken in this process; empty if it can."""
+    folder = Path(mujoco.__file__).parent
+    for pattern in ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll"):
+        for path in sorted(folder.glob(pattern)):
+            try:
+                _core.open_mujoco(str(path))
+            except InputError as error:
+                return one_line(error)
+            return ""
+    return f"no library of MuJoCo in '{folder}'"
+
+
+class NativePath:
+    """The experiments of one setup on the native path.
+
+    Raises:
+        InputError: the model cannot be walked natively.
+    """
+
+    def __init__(self, setup: Any, terms: Baumgarte, make: Make, tick: Callable[[int], None]):
+        self._setup, self._make, self._tick = setup, make, tick
+        self._core = _core.Setup(
+            setup.model,
+            qpos=setup.start.qpos,
+            qvel=setup.start.qvel,
+            laws=setup.drive.laws,
+            beta=terms.beta,
+            k=terms.k,
+            observed=setup.observed.address if setup.truth is not None else None,
+            conserved=setup.conserves_energy,
+            snapshots=setup.published.steps,
+        )
+
+    def calibration(self) -> tuple[list[pl.DataFrame], str]:
+        """The table, and what ended the run early, or nothing."""
+        return self._walk(self._core.calibration(self._setup.steps))
+
+    def lockstep(
+        self, walker: SolverSpec, projector: SolverSpec | None, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]
+    ) -> tuple[list[pl.DataFrame], str]:
+        """A table for each form × solver, and what ended the run early, or nothing."""
+        make = self._make
+        questions = [(form, make(SolverSpec(REFERENCE)), [make(spec) for spec in solvers]) for form in forms]
+        leader = None if walker.name == MUJOCO else make(walker)
+        last = make(projector) if projector else None
+        return self._walk(self._core.lockstep(self._setup.steps, questions, leader, last))
+
+    def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> tuple[list[pl.DataFrame], str]:
+        """A table for each form × solver, and what ended the run early, or nothing."""
+        asked = [(form, self._make(spec)) for form in forms for spec in solvers]
+        return self._walk(self._core.one_step(self._setup.steps, asked))
+
+    def free(
+        self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None
+    ) -> tuple[list[pl.DataFrame], str]:
+        """The table, and what ended the run early, or nothing."""
+        steps, make = self._setup.steps, self._make
+        if solver.name == MUJOCO:
+            return self._walk(self._core.free_mujoco(steps))
+        last = make(projector) if projector else None
+        return self._walk(self._core.free_solved(steps, form, make(solver), make(SolverSpec(REFERENCE)), last))
+
+    def _walk(self, run: _core.Run) -> tuple[list[pl.DataFrame], str]:
+        parts: list[list[pl.DataFrame]] = []
+        rows = 0
+        for taken in self._advance(run):
+            rows += taken
+            if rows >= CHUNK_STEPS:
+                parts.append(self._tables(run))
+                rows = 0
+        parts.append(self._tables(run))
+        message = self._message(run)
+        return [pl.concat(chunks) for chunks in zip(*parts, strict=True)], message
+
+    def _advance(self, run: _core.Run) -> Iterator[int]:
+        left = self._setup.steps
+        while left > 0:
+            asked = min(TICK_STEPS, left)
+            taken = run.advance(asked)
+            self._tick(taken)
+            yield taken
+            left -= taken
+            if taken < asked:
+                return
+
+    def _message(self, run: _core.Run) -> str:
+        if run.end is None:
+            return ""
+        step, time, kind, message = run.end
+        where = f"step {step}, t = {time:.6g} s"
+        if kind == "not-finite":
+            return f"{where}: the state is no longer finite"
+        if kind in ("inequalities", "control"):
+            self._refuse(run, time)
+        if step == 0 or kind != "refused":
+            raise InputError(message)
+        return f"{where}: {one_line(message)}"
+
+    def _refuse(self, run: _core.Run, time: float) -> None:
+        """Says what the Python path would say of the state that a run was refused at: it knows the names."""
+        setup = self._setup
+        data = setup.data()
+        data.qpos[:], data.qvel[:], _ = run.state
+        data.time = time
+        setup.drive.apply(data)
+        mujoco.mj_fwdPosition(setup.model, data)
+        mujoco.mj_fwdVelocity(setup.model, data)
+        refuse_inequalities(setup.model, data)
+
+    def _tables(self, run: _core.Run) -> list[pl.DataFrame]:
+        errors = self._published(run)
+        return [self._frame(columns, errors) for columns in run.tables()]
+
+    def _published(self, run: _core.Run) -> dict[int, dict[str, float]]:
+        """Step → how far its state is from what is printed for it."""
+        setup, found = self._setup, {}
+        for step, qpos, qvel, multipliers in run.snapshots():
+            data = setup.data()
+            data.qpos[:], data.qvel[:] = qpos, qvel
+            mujoco.mj_fwdPosition(setup.model, data)
+            mujoco.mj_fwdVelocity(setup.model, data)
+            data.efc_force[:] = multipliers
+            found[step] = setup.published.errors(step, data)
+        return found
+
+    def _frame(self, columns: dict[str, Any], errors: dict[int, dict[str, float]]) -> pl.DataFrame:
+        height = len(columns["step"]) if "step" in columns else 0
+        series = {name: _series(name, column) for name, column in columns.items() if name != "observed"}
+        if "observed" in columns:
+            observed, lengths = columns["observed"]
+            places = observed.reshape(height, lengths[0])
+            series["truth_error"] = pl.Series(self._setup.truth_errors(columns["step"], places), strict=False)
+        for step, figures in errors.items():
+            row = np.flatnonzero(columns.get("step", np.zeros(0)) == step)
+            for name, value in figures.items():
+                values = series.get(name, pl.Series([None] * height, dtype=pl.Float64)).to_list()
+                for index in row:
+                    values[index] = value
+                series[name] = pl.Series(values, dtype=pl.Float64)
+        missing = {name: pl.Series([None] * height, dtype=kind) for name, kind in SCHEMA.items() if name not in series}
+        whole = {**series, **missing}
+        return pl.DataFrame({name: whole[name].cast(kind) for name, kind in SCHEMA.items()})
+
+
+def _series(name: str, column: Any) -> pl.Series:
+    if isinstance(column, tuple) and isinstance(column[0], str):
+        return pl.Series(column[1]).fill_nan(None)
+    if isinstance(column, tuple):
+        return _lists(*column)
+    series = pl.Series(column)
+    return series.replace(-1, None) if name == "rank" else series
+
+
+def _lists(values: np.ndarray, lengths: np.ndarray) -> pl.Series:
+    """Rows of all numbers, of the given lengths."""
+    # Where the number of rows of the constraints changes, a stretch of equal lengths ends.
+    starts = np.flatnonzero(np.diff(lengths, prepend=lengths[0] + 1))
+    stretches, at = [], 0
+    for start, stop in zip(starts, [*starts[1:], len(lengths)], strict=True):
+        width, count = int(lengths[start]), int(stop - start)
+        part = values[at : at + width * count].reshape(count, width)
+        at += width * count
+        empty = pl.Series([[]] * count, dtype=pl.List(pl.Float64))
+        stretches.append(pl.Series(part).cast(pl.List(pl.Float64)) if width else empty)
+    return pl.concat(stretches)

@@ -1,0 +1,179 @@
+//! Force laws: what gives the constraint force of a state whose smooth stages are done.
+
+use std::time::{Duration, Instant};
+
+use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, Wanted};
+
+use crate::error::Error;
+use crate::library::Data;
+use crate::state::{Form, State};
+
+/// Multipliers (ne) of one state, the accelerations and constraint forces (nv) they give, and the solver's figures.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// λ, ne.
+    pub multipliers: Vec<f64>,
+    /// a, nv.
+    pub qacc: Vec<f64>,
+    /// Jᵀ λ, nv.
+    pub qfrc: Vec<f64>,
+    /// What the solver says.
+    pub info: Info,
+    /// Wall time of the solve alone.
+    pub elapsed: Duration,
+}
+
+impl Answer {
+    /// Room for an answer.
+    #[must_use]
+    pub fn new(nv: usize) -> Self {
+        Self {
+            multipliers: Vec::new(),
+            qacc: vec![0.0; nv],
+            qfrc: vec![0.0; nv],
+            info: Info::trivial(0.0),
+            elapsed: Duration::ZERO,
+        }
+    }
+
+    /// Fills it with a solver's answer to a question.
+    ///
+    /// # Errors
+    /// Those of [`ConstrainedSystem::solve`] and [`ConstrainedSystem::acceleration`].
+    pub fn fill(
+        &mut self,
+        system: &mut ConstrainedSystem,
+        solver: &mut dyn MultiplierSolver,
+    ) -> Result<(), Error> {
+        self.multipliers.resize(system.len(), 0.0);
+        let began = Instant::now();
+        self.info = system.solve(solver, Wanted::Multipliers, &mut self.multipliers)?;
+        self.elapsed = began.elapsed();
+        Ok(system.acceleration(&self.multipliers, &mut self.qfrc, &mut self.qacc)?)
+    }
+}
+
+/// The figures of the solves of one step.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Tally {
+    /// Status of the first solve that did not converge, or of one that did.
+    pub status: Option<oarlock_core::Status>,
+    /// Number of solves.
+    pub solves: i64,
+    /// Those that did not converge.
+    pub unconverged: i64,
+    /// Iterations of all.
+    pub iterations: i64,
+    /// Of the one that took most.
+    pub iterations_worst: i64,
+    /// Products of all.
+    pub products: i64,
+    /// Refreshes that no new fold asked for.
+    pub refreshes: i64,
+    /// New folds.
+    pub refolds: i64,
+    /// Largest relative residual.
+    pub residual_rel: f64,
+    /// Wall time, ns.
+    pub solve_ns: i64,
+}
+
+impl Tally {
+    /// Adds a solve.
+    pub fn add(&mut self, info: &Info, elapsed: Duration) {
+        let count = |number: usize| i64::try_from(number).unwrap_or(i64::MAX);
+        let converged = info.status == oarlock_core::Status::Converged;
+        if self.status.is_none() || (!converged && self.unconverged == 0) {
+            self.status = Some(info.status);
+        }
+        self.solves += 1;
+        self.unconverged += i64::from(!converged);
+        self.iterations += count(info.iterations);
+        self.iterations_worst = self.iterations_worst.max(count(info.iterations));
+        self.products += count(info.products);
+        // A new fold changes the size, and a solver has to start from something: that is counted apart.
+        self.refreshes += i64::from(info.refreshed && !info.refolded);
+        self.refolds += i64::from(info.refolded);
+        self.residual_rel = self.residual_rel.max(info.residual_rel);
+        self.solve_ns += i64::try_from(elapsed.as_nanos()).unwrap_or(i64::MAX);
+    }
+}
+
+/// Gives the constraint force of a state whose smooth stages are done.
+pub trait ForceLaw {
+    /// Writes qacc, `qfrc_constraint` and `efc_force`. All are needed: Euler reads one or the other by damping.
+    ///
+    /// # Errors
+    /// What makes the state one that it cannot answer.
+    fn apply(&mut self, data: &mut Data) -> Result<(), Error>;
+}
+
+/// The answer of one solver to the question of every state it is shown.
+pub struct SolvedForce {
+    /// The state as it was last read.
+    pub state: State,
+    /// The question as it was last asked.
+    pub system: ConstrainedSystem,
+    /// The last answer.
+    pub answer: Answer,
+    /// The solves since it was last cleared: one a stage.
+    pub tally: Tally,
+    form: Form,
+    solver: Box<dyn MultiplierSolver>,
+}
+
+impl SolvedForce {
+    /// A solver for a form.
+    #[must_use]
+    pub fn new(state: State, form: Form, solver: Box<dyn MultiplierSolver>, nv: usize) -> Self {
+        let (system, answer) = (ConstrainedSystem::new(), Answer::new(nv));
+        Self { state, system, answer, tally: Tally::default(), form, solver }
+    }
+}
+
+impl ForceLaw for SolvedForce {
+    fn apply(&mut self, data: &mut Data) -> Result<(), Error> {
+        self.state.read(data)?;
+        self.state.ask(data, self.form, &mut self.system)?;
+        let answer = &mut self.answer;
+        answer.fill(&mut self.system, &mut *self.solver)?;
+        data.qacc_mut().copy_from_slice(&answer.qacc);
+        data.qfrc_constraint_mut().copy_from_slice(&answer.qfrc);
+        data.force_mut().copy_from_slice(&answer.multipliers);
+        self.tally.add(&answer.info, answer.elapsed);
+        Ok(())
+    }
+}
+
+/// MuJoCo's own `efc_force`, taken through our acceleration: the calibration.
+pub struct MujocoForce {
+    force: Vec<f64>,
+    qfrc: Vec<f64>,
+    change: Vec<f64>,
+    qacc_smooth: Vec<f64>,
+}
+
+impl MujocoForce {
+    /// For states of nv velocities.
+    #[must_use]
+    pub fn new(nv: usize) -> Self {
+        Self { force: Vec::new(), qfrc: vec![0.0; nv], change: vec![0.0; nv], qacc_smooth: vec![0.0; nv] }
+    }
+}
+
+impl ForceLaw for MujocoForce {
+    /// Runs MuJoCo's solver, then computes Jᵀf and `qacc_smooth` + M⁻¹Jᵀf from its force alone.
+    fn apply(&mut self, data: &mut Data) -> Result<(), Error> {
+        data.constraint_stage()?;
+        self.force.clear();
+        self.force.extend_from_slice(data.force());
+        data.jacobian_transposed_times(&self.force, &mut self.qfrc)?;
+        data.solve_mass(&mut self.change, &self.qfrc)?;
+        self.qacc_smooth.copy_from_slice(data.qacc_smooth());
+        data.qfrc_constraint_mut().copy_from_slice(&self.qfrc);
+        for ((qacc, smooth), change) in data.qacc_mut().iter_mut().zip(&self.qacc_smooth).zip(&self.change) {
+            *qacc = smooth + change;
+        }
+        Ok(())
+    }
+}

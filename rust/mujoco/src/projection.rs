@@ -1,0 +1,220 @@
+//! Projection onto the constraint manifold: positions with r(q) = 0, velocities with J v = 0.
+//!
+//! Of all changes that close the rows the nearest in the metric of M is taken, δ = −M⁻¹ Jᵀ A⁺ r with A = J M⁻¹ Jᵀ. It has no
+//! part along the motions that the rows admit; redundant rows and rows that contradict one another are met in the sense of
+//! least squares (Eich 1993, Convergence results for a coordinate projection method applied to mechanical systems with
+//! algebraic constraints). The same as `oarlock.projection`, operation for operation.
+
+use oarlock_core::{ConstrainedSystem, MultiplierSolver, StepView, Wanted};
+
+use crate::error::Error;
+use crate::library::{Data, Model};
+use crate::ordered::{largest, times};
+
+/// Newton's rounds square the gap: from a gap that is worth projecting, three reach rounding.
+const MAX_ROUNDS: i64 = 5;
+
+/// A row counts as closed up to so many roundings: what long chains and large angles accumulate.
+const LANDED: f64 = 1000.0;
+
+/// rad or m: bounds of what a projection may move a coordinate by.
+const TRUST: (f64, f64) = (1e-6, 0.1);
+
+/// How a projection ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Landing {
+    /// Every row is closed to rounding.
+    Landed,
+    /// The rows no longer fell before that.
+    Open,
+    /// Closing them takes more than the trust length, and the state was left as it was.
+    TooFar,
+}
+
+impl Landing {
+    /// The name used in tables.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Landed => "landed",
+            Self::Open => "open",
+            Self::TooFar => "too-far",
+        }
+    }
+}
+
+/// What one projection did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Projection {
+    /// How it ended.
+    pub landing: Landing,
+    /// Corrections of the positions.
+    pub rounds: i64,
+    /// Solves, those for the velocities among them.
+    pub solves: i64,
+    /// Their iterations.
+    pub iterations: i64,
+    /// Largest change of a coordinate, rad or m.
+    pub moved: f64,
+}
+
+/// Projects states of one model, with a solver of its own that carries what it learns.
+pub struct Projector {
+    /// What the last projection did.
+    pub last: Option<Projection>,
+    system: ConstrainedSystem,
+    solver: Box<dyn MultiplierSolver>,
+    rounding: f64,
+    solves: i64,
+    iterations: i64,
+    mass: Vec<f64>,
+    zero: Vec<f64>,
+    jacobian: Vec<f64>,
+    wanted: Vec<f64>,
+    multipliers: Vec<f64>,
+    qfrc: Vec<f64>,
+    step: Vec<f64>,
+    total: Vec<f64>,
+    sums: Vec<f64>,
+    given: Vec<f64>,
+    before: Vec<f64>,
+    changed: Vec<f64>,
+}
+
+impl Projector {
+    /// For states of one model.
+    #[must_use]
+    pub fn new(model: &Model, solver: Box<dyn MultiplierSolver>) -> Self {
+        let (nq, nv) = (model.nq(), model.nv());
+        Self {
+            last: None,
+            system: ConstrainedSystem::new(),
+            solver,
+            // A row is the difference of two positions, and each is rounded.
+            rounding: 2.0 * f64::EPSILON * (model.extent() + largest(&model.center())),
+            solves: 0,
+            iterations: 0,
+            mass: vec![0.0; nv * nv],
+            zero: vec![0.0; nv],
+            jacobian: Vec::new(),
+            wanted: Vec::new(),
+            multipliers: Vec::new(),
+            qfrc: vec![0.0; nv],
+            step: vec![0.0; nv],
+            total: vec![0.0; nv],
+            sums: vec![0.0; nv],
+            given: vec![0.0; nq],
+            before: vec![0.0; nq],
+            changed: vec![0.0; nv],
+        }
+    }
+
+    /// Projects positions, then velocities; leaves the position stage valid. `trust` is the longest change of a coordinate,
+    /// rad or m, that still is a correction and not another pose.
+    ///
+    /// # Errors
+    /// Those of the solver and of MuJoCo.
+    pub fn project(&mut self, data: &mut Data, trust: f64) -> Result<(), Error> {
+        (self.solves, self.iterations) = (0, 0);
+        let (landing, rounds, moved) = self.positions(data, trust.clamp(TRUST.0, TRUST.1))?;
+        if landing != Landing::TooFar {
+            self.velocities(data)?;
+        }
+        let (solves, iterations) = (self.solves, self.iterations);
+        self.last = Some(Projection { landing, rounds, solves, iterations, moved });
+        Ok(())
+    }
+
+    fn positions(&mut self, data: &mut Data, trust: f64) -> Result<(Landing, i64, f64), Error> {
+        let model = data.model().clone();
+        self.given.copy_from_slice(data.qpos());
+        self.total.fill(0.0);
+        let mut rounds = 0;
+        data.position_stage()?;
+        let mut error = largest(data.pos());
+        while error > self.rounding && rounds < MAX_ROUNDS {
+            self.wanted.clear();
+            self.wanted.extend(data.pos().iter().map(|deviation| -deviation));
+            self.correct(data)?;
+            for ((sum, total), step) in self.sums.iter_mut().zip(&self.total).zip(&self.step) {
+                *sum = total + step;
+            }
+            // A NaN is too far as well.
+            if !largest(&self.sums).le(&trust) {
+                data.qpos_mut().copy_from_slice(&self.given);
+                data.position_stage()?;
+                return Ok((Landing::TooFar, 0, 0.0));
+            }
+            self.before.copy_from_slice(data.qpos());
+            model.integrate(data.qpos_mut(), &self.step, 1.0);
+            data.position_stage()?;
+            let after = largest(data.pos());
+            if !after.lt(&error) {
+                data.qpos_mut().copy_from_slice(&self.before);
+                data.position_stage()?;
+                break;
+            }
+            (error, rounds) = (after, rounds + 1);
+            self.total.copy_from_slice(&self.sums);
+        }
+        let landing = if error <= LANDED * self.rounding { Landing::Landed } else { Landing::Open };
+        Ok((landing, rounds, largest(&self.total)))
+    }
+
+    fn velocities(&mut self, data: &mut Data) -> Result<(), Error> {
+        let nv = data.model().nv();
+        self.jacobian.resize(data.ne() * nv, 0.0);
+        data.copy_jacobian(&mut self.jacobian);
+        self.wanted.resize(data.ne(), 0.0);
+        times(&self.jacobian, data.qvel(), &mut self.wanted);
+        let mut error = largest(&self.wanted);
+        for _ in 0..MAX_ROUNDS {
+            if error <= f64::EPSILON * self.largest_sum(data.qvel()) {
+                return Ok(());
+            }
+            self.wanted.iter_mut().for_each(|rate| *rate = -*rate);
+            self.correct(data)?;
+            for ((changed, given), step) in self.changed.iter_mut().zip(data.qvel()).zip(&self.step) {
+                *changed = given + step;
+            }
+            times(&self.jacobian, &self.changed, &mut self.wanted);
+            let after = largest(&self.wanted);
+            if !after.lt(&error) {
+                return Ok(());
+            }
+            data.qvel_mut().copy_from_slice(&self.changed);
+            error = after;
+        }
+        Ok(())
+    }
+
+    /// Largest Σ |J| |v| of a row.
+    fn largest_sum(&self, velocity: &[f64]) -> f64 {
+        let sum = |row: &[f64]| {
+            let mut products = row.iter().zip(velocity).map(|(entry, rate)| entry.abs() * rate.abs());
+            let first = products.next().unwrap_or(0.0);
+            products.fold(first, |sum, product| sum + product)
+        };
+        self.jacobian.chunks_exact(velocity.len()).map(sum).fold(0.0, f64::max)
+    }
+
+    /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ.
+    fn correct(&mut self, data: &Data) -> Result<(), Error> {
+        let nv = data.model().nv();
+        data.full_mass(&mut self.mass)?;
+        self.jacobian.resize(data.ne() * nv, 0.0);
+        data.copy_jacobian(&mut self.jacobian);
+        self.system.assemble(&StepView {
+            mass: &self.mass,
+            jacobian: &self.jacobian,
+            force: &self.zero,
+            aref: &self.wanted,
+            regularisation: None,
+        })?;
+        self.multipliers.resize(self.wanted.len(), 0.0);
+        let info = self.system.solve(&mut *self.solver, Wanted::Multipliers, &mut self.multipliers)?;
+        self.solves += 1;
+        self.iterations += i64::try_from(info.iterations).unwrap_or(i64::MAX);
+        Ok(self.system.acceleration(&self.multipliers, &mut self.qfrc, &mut self.step)?)
+    }
+}

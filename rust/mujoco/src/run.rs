@@ -1,0 +1,272 @@
+//! A run: one walk, with a table for everyone who answers along it. Rows are written at the start of every step, where state,
+//! question and answer belong together.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::drive::Drive;
+use crate::error::Error;
+use crate::library::{Data, Model};
+use crate::ordered::{largest, times};
+use crate::state::{Baumgarte, State};
+use crate::steps::{Column, Steps};
+use crate::walker::is_finite;
+
+/// What an outside truth speaks of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Observed {
+    /// An entry of qpos.
+    Coordinate(usize),
+    /// The place of a site.
+    Site(usize),
+}
+
+/// What a run starts from and what is written down of it besides what it is for.
+#[derive(Clone)]
+pub struct Setup {
+    /// The model, prepared.
+    pub model: Arc<Model>,
+    /// Its drive.
+    pub drive: Drive,
+    /// A consistent start, nq.
+    pub qpos: Vec<f64>,
+    /// Its velocities, nv.
+    pub qvel: Vec<f64>,
+    /// Terms of the hard form.
+    pub baumgarte: Baumgarte,
+    /// What to note for an outside truth.
+    pub observed: Option<Observed>,
+    /// Whether energy is conserved, and so worth noting.
+    pub conserved: bool,
+    /// Steps whose state is kept whole.
+    pub snapshots: Vec<usize>,
+}
+
+impl Setup {
+    /// A fresh data at the start.
+    ///
+    /// # Errors
+    /// [`Error::Refused`]: the start is not of the model's size; [`Error::Mujoco`]: no memory.
+    pub fn data(&self) -> Result<Data, Error> {
+        let sizes = (self.qpos.len(), self.qvel.len());
+        let expected = (self.model.nq(), self.model.nv());
+        if sizes != expected {
+            return Err(Error::Refused(format!(
+                "the start has {} positions and {} velocities, expected {} and {}",
+                sizes.0, sizes.1, expected.0, expected.1
+            )));
+        }
+        let mut data = Data::new(&self.model)?;
+        data.qpos_mut().copy_from_slice(&self.qpos);
+        data.qvel_mut().copy_from_slice(&self.qvel);
+        Ok(data)
+    }
+
+    /// The fields of its states.
+    ///
+    /// # Errors
+    /// Those of [`State::new`].
+    pub fn state(&self) -> Result<State, Error> {
+        State::new(&self.model, self.baumgarte)
+    }
+}
+
+/// A state kept whole, for what is published of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Snapshot {
+    /// Number of the step at whose start it is.
+    pub step: usize,
+    /// nq.
+    pub qpos: Vec<f64>,
+    /// nv.
+    pub qvel: Vec<f64>,
+    /// ne.
+    pub multipliers: Vec<f64>,
+}
+
+/// What all experiments write down.
+pub(crate) struct Notes {
+    observed: Option<Observed>,
+    conserved: bool,
+    due: Vec<usize>,
+    kept: Vec<Snapshot>,
+    acceleration: Vec<f64>,
+}
+
+impl Notes {
+    pub(crate) fn new(setup: &Setup) -> Self {
+        let mut due = setup.snapshots.clone();
+        due.sort_unstable_by(|a, b| b.cmp(a));
+        Self {
+            observed: setup.observed,
+            conserved: setup.conserved,
+            due,
+            kept: Vec::new(),
+            acceleration: Vec::new(),
+        }
+    }
+
+    /// Step, time, positions, deviations, and what the truth speaks of.
+    pub(crate) fn place(&self, steps: &mut Steps, step: usize, data: &Data) {
+        steps.step.push(i64::try_from(step).unwrap_or(i64::MAX));
+        steps.time_s.push(data.time());
+        steps.drift_pos.push(largest(data.pos()));
+        steps.drift_vel.push(largest(data.vel()));
+        steps.qpos.push(data.qpos());
+        match self.observed {
+            Some(Observed::Coordinate(index)) => steps.observed.push(&data.qpos()[index..=index]),
+            Some(Observed::Site(index)) => steps.observed.push(&data.site_xpos()[3 * index..3 * index + 3]),
+            None => {}
+        }
+    }
+
+    /// The same, and how far an acceleration (nv) leaves the rows.
+    pub(crate) fn state(&mut self, steps: &mut Steps, step: usize, data: &Data, state: &State, qacc: &[f64]) {
+        self.place(steps, step, data);
+        steps.residual.push(data.pos());
+        self.acceleration.resize(data.ne(), 0.0);
+        times(state.jacobian(), qacc, &mut self.acceleration);
+        for (sum, curvature) in self.acceleration.iter_mut().zip(state.curvature()) {
+            *sum += curvature;
+        }
+        steps.drift_acc.push(largest(&self.acceleration));
+    }
+
+    /// What a free run also shows, with its multipliers.
+    pub(crate) fn free(&mut self, steps: &mut Steps, step: usize, data: &mut Data) -> Result<(), Error> {
+        if self.conserved {
+            let [potential, kinetic] = data.energy()?;
+            steps.energy.push(potential + kinetic);
+            steps.kinetic_energy.push(kinetic);
+        }
+        if self.due.last() == Some(&step) {
+            self.due.pop();
+            self.kept.push(Snapshot {
+                step,
+                qpos: data.qpos().to_vec(),
+                qvel: data.qvel().to_vec(),
+                multipliers: data.force().to_vec(),
+            });
+        }
+        steps.multipliers.push(data.force());
+        Ok(())
+    }
+
+    pub(crate) fn take_snapshots(&mut self) -> Vec<Snapshot> {
+        std::mem::take(&mut self.kept)
+    }
+}
+
+/// One walk and whoever answers along it.
+pub(crate) trait Experiment: Send + Sync {
+    /// Computes what belongs to the present state.
+    fn look(&mut self) -> Result<(), Error>;
+    /// Writes the rows of a step, as far as they are known before it is taken.
+    fn record(&mut self, step: usize) -> Result<(), Error>;
+    /// Takes the step.
+    fn step(&mut self) -> Result<(), Error>;
+    /// Completes the rows.
+    fn finish(&mut self, step_us: f64) -> Result<(), Error>;
+    /// The walker's state.
+    fn data(&self) -> &Data;
+    /// A table for each who answers, in the order asked for.
+    fn tables(&mut self) -> Vec<&mut Steps>;
+    /// States kept whole since the last call.
+    fn snapshots(&mut self) -> Vec<Snapshot>;
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct End {
+    /// Step that it ended in.
+    pub step: usize,
+    /// Time of its state, s.
+    pub time: f64,
+    /// Why; `None`: the state is no longer finite.
+    pub error: Option<Error>,
+}
+
+/// A run on its way.
+pub struct Run {
+    experiment: Box<dyn Experiment>,
+    steps: usize,
+    done: usize,
+    rows: usize,
+    end: Option<End>,
+}
+
+impl Run {
+    pub(crate) fn new(experiment: impl Experiment + 'static, steps: usize) -> Self {
+        Self { experiment: Box::new(experiment), steps, done: 0, rows: 0, end: None }
+    }
+
+    /// Goes on by so many steps, or to its end. Gives the number of steps taken; fewer than asked for: it has ended.
+    pub fn advance(&mut self, steps: usize) -> usize {
+        let before = self.done;
+        let until = self.steps.min(self.done + steps);
+        while self.done < until && self.end.is_none() {
+            let taken = self.take_step();
+            let (step, time) = (self.done, self.experiment.data().time());
+            if let Err(error) = taken {
+                for table in self.experiment.tables() {
+                    table.truncate(self.rows);
+                }
+                self.end = Some(End { step, time, error: Some(error) });
+                break;
+            }
+            self.rows += 1;
+            self.done += 1;
+            if !is_finite(self.experiment.data()) {
+                self.end = Some(End { step, time, error: None });
+            }
+        }
+        self.done - before
+    }
+
+    fn take_step(&mut self) -> Result<(), Error> {
+        let began = Instant::now();
+        self.experiment.look()?;
+        let looked = began.elapsed();
+        self.experiment.record(self.done)?;
+        let began = Instant::now();
+        self.experiment.step()?;
+        let taken = began.elapsed();
+        self.experiment.finish(1e6 * (looked + taken).as_secs_f64())
+    }
+
+    /// Takes all steps that are left without writing anything down: what the walk itself costs.
+    ///
+    /// # Errors
+    /// What ended it.
+    pub fn walk(&mut self) -> Result<(), Error> {
+        while self.done < self.steps {
+            self.experiment.look()?;
+            self.experiment.step()?;
+            self.done += 1;
+        }
+        Ok(())
+    }
+
+    /// How it ended before its last step, if it did.
+    #[must_use]
+    pub const fn end(&self) -> Option<&End> {
+        self.end.as_ref()
+    }
+
+    /// The walker's state.
+    #[must_use]
+    pub fn data(&self) -> &Data {
+        self.experiment.data()
+    }
+
+    /// The rows since the last call, a table for each who answers.
+    pub fn take_tables(&mut self) -> Vec<Vec<(&'static str, Column)>> {
+        self.rows = 0;
+        self.experiment.tables().into_iter().map(Steps::take).collect()
+    }
+
+    /// The states kept whole since the last call.
+    pub fn take_snapshots(&mut self) -> Vec<Snapshot> {
+        self.experiment.snapshots()
+    }
+}

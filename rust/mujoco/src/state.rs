@@ -1,0 +1,106 @@
+//! What one state says: M, J, the smooth force and the constraint rows, straight from MuJoCo's arrays; and the question that
+//! it puts to a solver.
+
+use oarlock_core::{ConstrainedSystem, StepView};
+
+use crate::curvature::Curvature;
+use crate::error::Error;
+use crate::library::{Data, Model};
+
+/// The form of a question.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Form {
+    /// MuJoCo's own aref and R.
+    Matched,
+    /// aref = −J̇v − 2β Jv − k r and R = 0 (Baumgarte 1972).
+    Hard,
+}
+
+/// Baumgarte's terms: β in 1/s, k in 1/s².
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Baumgarte {
+    /// Of the rates, 1/s.
+    pub beta: f64,
+    /// Of the deviations, 1/s².
+    pub k: f64,
+}
+
+/// The fields of a state whose smooth stages are done.
+pub struct State {
+    rows: Curvature,
+    beta2: f64,
+    k: f64,
+    mass: Vec<f64>,
+    jacobian: Vec<f64>,
+    curvature: Vec<f64>,
+    aref: Vec<f64>,
+}
+
+impl State {
+    /// For states of one model.
+    ///
+    /// # Errors
+    /// [`Error::Refused`]: an equality whose J̇v is not known.
+    pub fn new(model: &Model, baumgarte: Baumgarte) -> Result<Self, Error> {
+        Ok(Self {
+            rows: Curvature::new(model)?,
+            beta2: 2.0 * baumgarte.beta,
+            k: baumgarte.k,
+            mass: vec![0.0; model.nv() * model.nv()],
+            jacobian: Vec::new(),
+            curvature: Vec::new(),
+            aref: Vec::new(),
+        })
+    }
+
+    /// Takes the fields from the data.
+    ///
+    /// # Errors
+    /// [`Error::Inequalities`]: rows other than equality rows are active; those of [`Curvature::write`].
+    pub fn read(&mut self, data: &mut Data) -> Result<(), Error> {
+        if data.nefc() != data.ne() {
+            return Err(Error::Inequalities { time: data.time() });
+        }
+        let (ne, nv) = (data.ne(), data.model().nv());
+        if self.curvature.len() != ne {
+            self.curvature.resize(ne, 0.0);
+            self.aref.resize(ne, 0.0);
+            self.jacobian.resize(ne * nv, 0.0);
+        }
+        data.full_mass(&mut self.mass)?;
+        data.copy_jacobian(&mut self.jacobian);
+        self.rows.write(data, &mut self.curvature)
+    }
+
+    /// J, ne×nv, row-major.
+    #[must_use]
+    pub fn jacobian(&self) -> &[f64] {
+        &self.jacobian
+    }
+
+    /// J̇v, ne, m/s² or rad/s².
+    #[must_use]
+    pub fn curvature(&self) -> &[f64] {
+        &self.curvature
+    }
+
+    /// Assembles the question of the state as it was last read.
+    ///
+    /// # Errors
+    /// Those of [`ConstrainedSystem::assemble`].
+    pub fn ask(&mut self, data: &Data, form: Form, system: &mut ConstrainedSystem) -> Result<(), Error> {
+        let (aref, regularisation) = match form {
+            Form::Matched => (data.aref(), Some(data.softness())),
+            Form::Hard => {
+                let given = self.curvature.iter().zip(data.vel()).zip(data.pos());
+                for (aref, ((curvature, rate), deviation)) in self.aref.iter_mut().zip(given) {
+                    *aref = -curvature - self.beta2 * rate - self.k * deviation;
+                }
+                (&self.aref[..], None)
+            }
+        };
+        let force = data.qfrc_smooth();
+        let step = StepView { mass: &self.mass, jacobian: &self.jacobian, force, aref, regularisation };
+        Ok(system.assemble(&step)?)
+    }
+}

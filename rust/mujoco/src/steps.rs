@@ -1,0 +1,171 @@
+//! The table of a run: a column a figure, a row a step.
+
+/// A column, ready to be handed over.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Column {
+    /// Numbers; NaN stands for nothing where `nullable` says so.
+    Float {
+        /// A number a row.
+        values: Vec<f64>,
+        /// Whether NaN stands for nothing.
+        nullable: bool,
+    },
+    /// Whole numbers; −1 stands for nothing.
+    Int(Vec<i64>),
+    /// Words.
+    Text(Vec<&'static str>),
+    /// A list a row: all numbers one after another, and how many each row has.
+    List {
+        /// All numbers.
+        values: Vec<f64>,
+        /// Numbers of each row.
+        lengths: Vec<usize>,
+    },
+}
+
+/// Lists of numbers, one a row.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Lists {
+    values: Vec<f64>,
+    lengths: Vec<usize>,
+}
+
+impl Lists {
+    /// Adds a row.
+    pub fn push(&mut self, row: &[f64]) {
+        self.values.extend_from_slice(row);
+        self.lengths.push(row.len());
+    }
+
+    fn truncate(&mut self, rows: usize) {
+        while self.lengths.len() > rows {
+            let entries = self.lengths.pop().unwrap_or(0);
+            self.values.truncate(self.values.len() - entries);
+        }
+    }
+}
+
+macro_rules! steps {
+    ($($(#[$doc:meta])* $name:ident: $kind:ty => $column:ident;)*) => {
+        /// The rows of a run so far; a column that stays empty does not apply to it.
+        #[derive(Debug, Clone, Default, PartialEq)]
+        pub struct Steps {
+            $($(#[$doc])* pub $name: $kind,)*
+        }
+
+        impl Steps {
+            /// The columns that apply, by name, and nothing left behind.
+            pub fn take(&mut self) -> Vec<(&'static str, Column)> {
+                let mut columns = Vec::new();
+                $($column(stringify!($name), std::mem::take(&mut self.$name), &mut columns);)*
+                columns
+            }
+
+            /// Forgets the rows after so many: a step that failed half-way leaves none.
+            pub fn truncate(&mut self, rows: usize) {
+                $(self.$name.truncate(rows);)*
+            }
+        }
+    };
+}
+
+type Columns = Vec<(&'static str, Column)>;
+
+fn float(name: &'static str, values: Vec<f64>, columns: &mut Columns) {
+    if !values.is_empty() {
+        columns.push((name, Column::Float { values, nullable: false }));
+    }
+}
+
+fn nullable(name: &'static str, values: Vec<f64>, columns: &mut Columns) {
+    if !values.is_empty() {
+        columns.push((name, Column::Float { values, nullable: true }));
+    }
+}
+
+fn int(name: &'static str, values: Vec<i64>, columns: &mut Columns) {
+    if !values.is_empty() {
+        columns.push((name, Column::Int(values)));
+    }
+}
+
+fn text(name: &'static str, values: Vec<&'static str>, columns: &mut Columns) {
+    if !values.is_empty() {
+        columns.push((name, Column::Text(values)));
+    }
+}
+
+fn list(name: &'static str, lists: Lists, columns: &mut Columns) {
+    if !lists.lengths.is_empty() {
+        columns.push((name, Column::List { values: lists.values, lengths: lists.lengths }));
+    }
+}
+
+steps! {
+    /// Number of the step.
+    step: Vec<i64> => int;
+    /// s, at its start.
+    time_s: Vec<f64> => float;
+    /// How its solves ended.
+    status: Vec<&'static str> => text;
+    /// Number of solves.
+    solves: Vec<i64> => int;
+    /// Those that did not converge.
+    unconverged: Vec<i64> => int;
+    /// Iterations of all solves.
+    iterations: Vec<i64> => int;
+    /// Of the one that took most.
+    iterations_worst: Vec<i64> => int;
+    /// Products of all solves.
+    products: Vec<i64> => int;
+    /// Recomputed pseudo-inverses.
+    refreshes: Vec<i64> => int;
+    /// New folds.
+    refolds: Vec<i64> => int;
+    /// Largest relative residual.
+    residual_rel: Vec<f64> => float;
+    /// Wall time of the solves.
+    solve_ns: Vec<i64> => int;
+    /// Rank of A.
+    rank: Vec<i64> => int;
+    /// ‖Nᵀ b‖.
+    inconsistency: Vec<f64> => nullable;
+    /// Of the first solve, relative.
+    min_norm_error: Vec<f64> => float;
+    /// From MuJoCo's acceleration, relative.
+    qacc_rel_diff: Vec<f64> => float;
+    /// From MuJoCo's constraint force, relative.
+    qfrc_constraint_rel_diff: Vec<f64> => float;
+    /// Largest deviation of a row, m or rad.
+    drift_pos: Vec<f64> => float;
+    /// Largest rate of a row.
+    drift_vel: Vec<f64> => float;
+    /// Largest acceleration of a row.
+    drift_acc: Vec<f64> => float;
+    /// How the projection ended.
+    projection: Vec<&'static str> => text;
+    /// Its corrections of the positions.
+    projection_rounds: Vec<i64> => int;
+    /// Its solves.
+    projection_solves: Vec<i64> => int;
+    /// Their iterations.
+    projection_iterations: Vec<i64> => int;
+    /// Largest change of a coordinate, rad or m.
+    projection_moved: Vec<f64> => float;
+    /// Potential and kinetic energy, J.
+    energy: Vec<f64> => float;
+    /// Kinetic energy, J.
+    kinetic_energy: Vec<f64> => float;
+    /// From MuJoCo's trajectory, rad or m.
+    trajectory_diff: Vec<f64> => nullable;
+    /// Time of the step itself, µs.
+    step_us: Vec<f64> => float;
+    /// Positions, nq.
+    qpos: Lists => list;
+    /// Deviations, ne.
+    residual: Lists => list;
+    /// Multipliers, ne.
+    multipliers: Lists => list;
+    /// What an outside truth speaks of: a coordinate, or the place of a site.
+    observed: Lists => list;
+}

@@ -1,0 +1,267 @@
+//! The native step loops for Python.
+
+use std::sync::Arc;
+
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use oarlock_mujoco as native;
+use oarlock_mujoco::experiments::{self, Solver};
+use oarlock_mujoco::projection::Projector;
+use oarlock_mujoco::run::Observed;
+use oarlock_mujoco::state::{Baumgarte, Form};
+use oarlock_mujoco::steps::Column;
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+
+use crate::convert::{InputError, vector};
+use crate::solver::MultiplierSolver;
+use crate::time_law::TimeLaw;
+
+/// An error of the step loops as a Python exception: MuJoCo's own as its bindings raise them.
+fn raised(py: Python<'_>, error: &native::Error) -> PyErr {
+    let fatal = || py.import("mujoco")?.getattr("FatalError")?.call1((error.to_string(),));
+    match error {
+        native::Error::Mujoco(_) => fatal().map_or_else(|other| other, PyErr::from_value),
+        _ => InputError::new_err(error.to_string()),
+    }
+}
+
+fn form(name: &str) -> PyResult<Form> {
+    match name {
+        "matched" => Ok(Form::Matched),
+        "hard" => Ok(Form::Hard),
+        other => Err(InputError::new_err(format!("form = '{other}', expected one of: matched, hard"))),
+    }
+}
+
+fn fresh(solver: &MultiplierSolver) -> Solver {
+    let mut solver = solver.inner.clone_box();
+    solver.reset();
+    solver
+}
+
+/// Resolves the native step loops from MuJoCo's library at `path`, which 'import mujoco' must have loaded.
+///
+/// Raises InputError if it is another version than the one that this was built against.
+#[pyfunction]
+pub fn open_mujoco(py: Python<'_>, path: &str) -> PyResult<()> {
+    native::library::open(path).map_err(|error| raised(py, &error))
+}
+
+/// A prepared model at a consistent start, with its drive. The model is copied: later changes to it are not seen.
+#[pyclass(frozen, module = "oarlock._core")]
+pub struct Setup {
+    inner: native::run::Setup,
+}
+
+type SolverRef<'py> = PyRef<'py, MultiplierSolver>;
+
+#[pymethods]
+impl Setup {
+    /// Of an MjModel: positions (nq), velocities (nv), laws of actuators by number, Baumgarte's terms (1/s, 1/s²), what to
+    /// note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies, and the steps whose
+    /// states are kept whole.
+    #[new]
+    #[allow(clippy::too_many_arguments)] // keywords in Python
+    #[pyo3(signature = (model, *, qpos, qvel, laws, beta, k, observed, conserved, snapshots))]
+    fn new(
+        py: Python<'_>,
+        model: &Bound<'_, PyAny>,
+        qpos: PyReadonlyArray1<'_, f64>,
+        qvel: PyReadonlyArray1<'_, f64>,
+        laws: Vec<(usize, PyRef<'_, TimeLaw>)>,
+        beta: f64,
+        k: f64,
+        observed: Option<(String, usize)>,
+        conserved: bool,
+        snapshots: Vec<usize>,
+    ) -> PyResult<Self> {
+        if !model.is_instance(&py.import("mujoco")?.getattr("MjModel")?)? {
+            return Err(InputError::new_err(format!("{model} is no model, expected a mujoco.MjModel")));
+        }
+        let address = model.getattr("_address")?.extract()?;
+        // SAFETY: it is the address of a model that MuJoCo's own bindings keep, of the library that `open_mujoco` checked, and
+        // the interpreter lock keeps other Python code from writing to it.
+        #[allow(unsafe_code)]
+        let copy = unsafe { native::library::Model::copy_of(address) };
+        let model = Arc::new(copy.map_err(|error| raised(py, &error))?);
+        let observed = match observed {
+            None => None,
+            Some((kind, index)) if kind == "qpos" && index < model.nq() => Some(Observed::Coordinate(index)),
+            Some((kind, index)) if kind == "site" && index < model.site_bodyid().len() => {
+                Some(Observed::Site(index))
+            }
+            Some((kind, index)) => {
+                return Err(InputError::new_err(format!(
+                    "the model has no {kind} {index}, expected qpos or site"
+                )));
+            }
+        };
+        if let Some((actuator, _)) = laws.iter().find(|(actuator, _)| *actuator >= model.nu()) {
+            return Err(InputError::new_err(format!("the model has no actuator {actuator}")));
+        }
+        let laws = laws.into_iter().map(|(actuator, law)| (actuator, law.inner.clone())).collect();
+        let inner = native::run::Setup {
+            model,
+            drive: native::drive::Drive::new(laws),
+            qpos: vector("qpos", &qpos)?.to_vec(),
+            qvel: vector("qvel", &qvel)?.to_vec(),
+            baumgarte: Baumgarte { beta, k },
+            observed,
+            conserved,
+            snapshots,
+        };
+        Ok(Self { inner })
+    }
+
+    /// MuJoCo's own force through our stepping, against MuJoCo.
+    fn calibration(&self, py: Python<'_>, steps: usize) -> PyResult<Run> {
+        Run::of(py, experiments::calibration(&self.inner, steps))
+    }
+
+    /// Every question (form, reference solver, solvers) along the walk of MuJoCo, or of a solver in the hard form, whose steps
+    /// a projector with a solver of its own may end.
+    #[pyo3(signature = (steps, questions, leader=None, projector=None))]
+    fn lockstep(
+        &self,
+        py: Python<'_>,
+        steps: usize,
+        questions: Vec<(String, SolverRef<'_>, Vec<SolverRef<'_>>)>,
+        leader: Option<SolverRef<'_>>,
+        projector: Option<SolverRef<'_>>,
+    ) -> PyResult<Run> {
+        let leader = leader.map(|solver| (fresh(&solver), self.projector(projector.as_deref())));
+        let asked = questions.iter().map(|(name, reference, solvers)| {
+            Ok((form(name)?, fresh(reference), solvers.iter().map(|solver| fresh(solver)).collect()))
+        });
+        Run::of(py, experiments::lockstep(&self.inner, leader, asked.collect::<PyResult<_>>()?, steps))
+    }
+
+    /// From each of MuJoCo's states, one step of every (form, solver).
+    fn one_step(&self, py: Python<'_>, steps: usize, asked: Vec<(String, SolverRef<'_>)>) -> PyResult<Run> {
+        let asked = asked.iter().map(|(name, solver)| Ok((form(name)?, fresh(solver))));
+        Run::of(py, experiments::one_step(&self.inner, asked.collect::<PyResult<_>>()?, steps))
+    }
+
+    /// MuJoCo walks alone.
+    fn free_mujoco(&self, py: Python<'_>, steps: usize) -> PyResult<Run> {
+        Run::of(py, experiments::free_mujoco(&self.inner, steps))
+    }
+
+    /// A solver walks alone in a form, held against a reference solver; a projector may end its steps.
+    #[pyo3(signature = (steps, form_name, solver, reference, projector=None))]
+    fn free_solved(
+        &self,
+        py: Python<'_>,
+        steps: usize,
+        form_name: &str,
+        solver: SolverRef<'_>,
+        reference: SolverRef<'_>,
+        projector: Option<SolverRef<'_>>,
+    ) -> PyResult<Run> {
+        let (form, projector) = (form(form_name)?, self.projector(projector.as_deref()));
+        Run::of(
+            py,
+            experiments::free_solved(&self.inner, form, fresh(&solver), projector, fresh(&reference), steps),
+        )
+    }
+}
+
+impl Setup {
+    fn projector(&self, solver: Option<&MultiplierSolver>) -> Option<Projector> {
+        solver.map(|solver| Projector::new(&self.inner.model, fresh(solver)))
+    }
+}
+
+/// A run on its way, made by a `Setup`.
+#[pyclass(module = "oarlock._core")]
+pub struct Run {
+    inner: native::run::Run,
+}
+
+type State<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64);
+type Snapshot<'py> = (usize, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
+#[pymethods]
+impl Run {
+    /// Goes on by so many steps and gives the number of steps taken; fewer than asked for: it has ended.
+    fn advance(&mut self, py: Python<'_>, steps: usize) -> usize {
+        py.detach(|| self.inner.advance(steps))
+    }
+
+    /// Takes all steps that are left without writing anything down: what the walk itself costs.
+    fn walk(&mut self, py: Python<'_>) -> PyResult<()> {
+        py.detach(|| self.inner.walk()).map_err(|error| raised(py, &error))
+    }
+
+    /// What ended it before its last step: its step, time (s), and why, as (kind, message) with kind "not-finite",
+    /// "inequalities", "control" or "refused". None if nothing did. Raises what MuJoCo raised.
+    #[getter]
+    fn end(&self, py: Python<'_>) -> PyResult<Option<(usize, f64, &'static str, String)>> {
+        let Some(end) = self.inner.end() else { return Ok(None) };
+        let (kind, message) = match &end.error {
+            None => ("not-finite", String::new()),
+            Some(error @ native::Error::Mujoco(_)) => return Err(raised(py, error)),
+            Some(error @ native::Error::Inequalities { .. }) => ("inequalities", error.to_string()),
+            // MuJoCo's integrators are asked at their stages, not at the time of the state.
+            Some(error @ native::Error::Control { time, .. }) => {
+                return Ok(Some((end.step, *time, "control", error.to_string())));
+            }
+            Some(error) => ("refused", error.to_string()),
+        };
+        Ok(Some((end.step, end.time, kind, message)))
+    }
+
+    /// Positions (nq), velocities (nv) and time (s) of the walker.
+    #[getter]
+    fn state<'py>(&self, py: Python<'py>) -> State<'py> {
+        let data = self.inner.data();
+        (data.qpos().to_vec().into_pyarray(py), data.qvel().to_vec().into_pyarray(py), data.time())
+    }
+
+    /// The rows since the last call: for each who answers {column: array}; words as lists, lists as (all numbers, lengths).
+    /// NaN stands for nothing in a column that comes as ("nullable", array), −1 in whole numbers.
+    fn tables<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+        let tables = PyList::empty(py);
+        for columns in self.inner.take_tables() {
+            let table = PyDict::new(py);
+            for (name, column) in columns {
+                match column {
+                    Column::Float { values, nullable: false } => {
+                        table.set_item(name, values.into_pyarray(py))?
+                    }
+                    Column::Float { values, nullable: true } => {
+                        table.set_item(name, ("nullable", values.into_pyarray(py)))?;
+                    }
+                    Column::Int(values) => table.set_item(name, values.into_pyarray(py))?,
+                    Column::Text(values) => table.set_item(name, values)?,
+                    Column::List { values, lengths } => {
+                        table.set_item(name, (values.into_pyarray(py), lengths.into_pyarray(py)))?;
+                    }
+                }
+            }
+            tables.append(table)?;
+        }
+        Ok(tables)
+    }
+
+    /// The states kept whole since the last call: (step, qpos, qvel, multipliers).
+    fn snapshots<'py>(&mut self, py: Python<'py>) -> Vec<Snapshot<'py>> {
+        let taken = self.inner.take_snapshots().into_iter();
+        taken
+            .map(|kept| {
+                let arrays = (
+                    kept.qpos.into_pyarray(py),
+                    kept.qvel.into_pyarray(py),
+                    kept.multipliers.into_pyarray(py),
+                );
+                (kept.step, arrays.0, arrays.1, arrays.2)
+            })
+            .collect()
+    }
+}
+
+impl Run {
+    fn of(py: Python<'_>, made: Result<native::run::Run, native::Error>) -> PyResult<Self> {
+        made.map(|inner| Self { inner }).map_err(|error| raised(py, &error))
+    }
+}
