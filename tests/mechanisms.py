@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from oarlock.case_file import CaseFile
 from oarlock.cases import MODELS, Case, load_case
-from oarlock.experiments import Laboratory, Setup
+from oarlock.experiments import Laboratory
+from oarlock.setup import Setup
 
 INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
 

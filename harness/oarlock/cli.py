@@ -179,7 +179,7 @@ def run(
     ignore_inequalities: Annotated[
         bool, typer.Option("--ignore-inequalities", help="Run without the model's contacts, limits and friction.")
     ] = False,
-    stepping: Annotated[str, typer.Option(help="auto or python: the path that steps with our forces.")] = "auto",
+    stepping: Annotated[str, typer.Option(help="auto, native or python: the path that steps.")] = "auto",
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the tables [default: results/MODEL].")
     ] = None,
@@ -187,9 +187,6 @@ def run(
 ) -> None:
     """Runs a model's comparison. With none of the options before --timestep it runs the experiments of its case."""
     from oarlock.cases import load_case
-    from oarlock.errors import choose
-
-    choose("stepping", stepping, ["auto", "python"])
     folder = out or Path("results") / load_case(model).slug
     with _bar() as progress:
         results = run_model(
@@ -204,6 +201,7 @@ def run(
             rtol=rtol,
             stabilisation=stabilisation,
             ignore_inequalities=ignore_inequalities,
+            stepping=stepping,
             out=folder,
             progress=progress,
         )

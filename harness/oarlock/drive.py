@@ -5,19 +5,24 @@ from contextlib import contextmanager
 
 import mujoco
 
+from oarlock._core import TimeLaw
 from oarlock.cases import Case
 from oarlock.errors import RefusedError, choose
 
 
 class Drive:
-    """Writes the controls of a case into ``data.ctrl``."""
+    """Writes the controls of a case into ``data.ctrl``.
+
+    Attributes:
+        laws: actuator's number with its law.
+    """
 
     def __init__(self, model: mujoco.MjModel, case: Case):
         actuators = [model.actuator(index).name for index in range(model.nu)]
-        self._laws = []
+        self.laws: list[tuple[int, TimeLaw]] = []
         for name, law in case.file.drive.laws().items():
             choose(f"actuator in [drive] of case '{case.name}'", name, actuators)
-            self._laws.append((actuators.index(name), law))
+            self.laws.append((actuators.index(name), law))
         self._model = model
 
     def apply(self, data: mujoco.MjData) -> None:
@@ -27,7 +32,7 @@ class Drive:
             RefusedError: a law has no finite value there.
         """
         time = data.time
-        for index, law in self._laws:
+        for index, law in self.laws:
             value = law.at(time)
             if value - value != 0.0:  # NaN and infinities alike
                 raise RefusedError(f"{law!r} is {value} at t = {time:g} s, expected a finite control")
@@ -40,7 +45,7 @@ class Drive:
         The hook is global to the process, and MuJoCo also calls it while it compiles another model: it answers for
         this drive's model only.
         """
-        if not self._laws:
+        if not self.laws:
             yield
             return
         address = self._model._address

@@ -1,6 +1,7 @@
 """What a user can have got wrong, in one line that names the value and what was expected."""
 
 from collections.abc import Sequence
+from typing import TypeVar
 
 from oarlock._core import InputError
 
@@ -19,15 +20,18 @@ def one_line(text: object) -> str:
     return " ".join(str(text).split())
 
 
-def choose(what: str, name: str, valid: Sequence[str]) -> str:
-    """Gives ``name`` back if it is one of ``valid``.
+Name = TypeVar("Name", bound=str)
+
+
+def choose(what: str, name: str, valid: Sequence[Name]) -> Name:
+    """Gives the one of ``valid`` that is called ``name``.
 
     Raises:
         InputError: it is not; the message lists the valid ones.
     """
     if name not in valid:
         raise InputError(f"unknown {what} '{name}', expected one of: {', '.join(valid) or '(there are none)'}")
-    return name
+    return valid[list(valid).index(name)]
 
 
 def few(names: Sequence[str], last: str = "and") -> str:

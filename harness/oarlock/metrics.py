@@ -6,13 +6,13 @@ import numpy as np
 from oarlock.projection import Projector
 from oarlock.solvers import Answer
 from oarlock.state import State
+from oarlock.vectors import norm, times
 
 
 def relative_difference(value: np.ndarray, reference: np.ndarray) -> float:
     """‖value − reference‖ / ‖reference‖; the absolute difference where the reference is zero."""
-    norm = float(np.linalg.norm(reference))
-    difference = float(np.linalg.norm(value - reference))
-    return difference / norm if norm > 0 else difference
+    scale, difference = norm(reference), norm(value - reference)
+    return difference / scale if scale > 0 else difference
 
 
 def largest(values: np.ndarray) -> float:
@@ -25,7 +25,7 @@ def drift(state: State, qacc: np.ndarray) -> dict[str, float]:
     return {
         "drift_pos": largest(state.residual),
         "drift_vel": largest(state.rate),
-        "drift_acc": largest(state.jacobian @ qacc + state.curvature),
+        "drift_acc": largest(times(state.jacobian, qacc) + state.curvature),
     }
 
 
@@ -80,7 +80,11 @@ def against_mujoco(answer: Answer, qacc: np.ndarray, qfrc: np.ndarray) -> dict[s
 
 
 class Energy:
-    """Mechanical energy (J) of a model that nothing drives or damps; nothing for any other."""
+    """Mechanical energy (J) of a model that nothing drives or damps; nothing for any other.
+
+    Attributes:
+        conserved: whether nothing does.
+    """
 
     def __init__(self, model: mujoco.MjModel):
         self._model = model
@@ -88,11 +92,11 @@ class Energy:
         friction = (model.dof_frictionloss, model.tendon_frictionloss) if rubs else ()
         damping = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
         damped = any(loss.any() for loss in (*damping, *friction))
-        self._conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
+        self.conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
 
     def of(self, data: mujoco.MjData) -> dict[str, float]:
         """Total and kinetic energy at a state whose position and velocity stages are done; nothing if not conserved."""
-        if not self._conserved:
+        if not self.conserved:
             return {}
         mujoco.mj_energyPos(self._model, data)
         mujoco.mj_energyVel(self._model, data)

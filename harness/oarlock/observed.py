@@ -28,6 +28,11 @@ class Observed:
             raise InputError(f"joint in {where}: '{joint}' has several coordinates, expected a hinge or slide")
         self._qpos, self._qvel = int(model.jnt_qposadr[index]), int(model.jnt_dofadr[index])
 
+    @property
+    def address(self) -> tuple[str, int]:
+        """Entry of qpos, or number of a site, with the word for it."""
+        return ("qpos", self._qpos) if self._site is None else ("site", self._site)
+
     def position(self, data: mujoco.MjData) -> np.ndarray:
         """Coordinate (1) or place (3), at a state whose position stage is done."""
         if self._site is not None:

@@ -37,7 +37,6 @@ def inputs(case: Case) -> dict[str, Any]:
         "case": case.name,
         "model_sha256": _digest(case.model_path),
         "case_sha256": _digest(case.folder / "case.toml"),
-        "stepping": "python",
     }
 
 

@@ -66,6 +66,11 @@ class PublishedValues:
         """Step of the latest value; −1 if there is none."""
         return max(self._due, default=-1)
 
+    @property
+    def steps(self) -> list[int]:
+        """Steps that something is printed for."""
+        return sorted(self._due)
+
     def errors(self, step: int, data: mujoco.MjData) -> dict[str, float]:
         """How far the state at a step is from what is printed for it; nothing where nothing is.
 

@@ -13,11 +13,12 @@ from oarlock.aggregate import Verdict, judge, summarise
 from oarlock.case_file import Experiment, Form, Gate, Integrator, Mode, Stabilisation
 from oarlock.cases import Case, load_case
 from oarlock.errors import InputError, choose
-from oarlock.experiments import Laboratory, Setup, Task
+from oarlock.experiments import STEPPINGS, Laboratory, Task
 from oarlock.mechanism import coordinates, equalities
 from oarlock.provenance import inputs, occasion
 from oarlock.reactions import verdict
 from oarlock.results import ResultFolder, RunResult, uninterrupted
+from oarlock.setup import Setup
 from oarlock.sketch import sketch
 from oarlock.solvers import MUJOCO, SolverSpec
 
@@ -187,6 +188,7 @@ def run(
     rtol: float | None = None,
     stabilisation: str | None = None,
     ignore_inequalities: bool = False,
+    stepping: str = "auto",
     out: Path | None = None,
     progress: Progress | None = None,
 ) -> Results:
@@ -205,6 +207,8 @@ def run(
         stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``.
         ignore_inequalities: run without the model's contacts, limits and friction, MuJoCo too; the provenance says
             what was left out. Without it a run in which one becomes active is refused.
+        stepping: ``native`` (the compiled step loops), ``python`` (the same, readable and slow) or ``auto``: native if
+            MuJoCo is of the version that they were built against.
         out: folder that keeps the tables; every run is written as soon as it is finished.
         progress: listens.
 
@@ -227,6 +231,7 @@ def run(
         duration_s or case.file.run.duration_s,
         progress.advance,
         ignore_inequalities=request.ignore_inequalities,
+        stepping=choose("stepping", stepping, STEPPINGS),
     )
     setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)
     if duration_s is None and setup.timestep_s > case.file.run.duration_s:  # asked for, one step is enough

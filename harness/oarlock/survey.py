@@ -14,9 +14,9 @@ import numpy as np
 from oarlock.case_file import Baumgarte, CaseFile, Drive, Integrator, RunDefaults, Start
 from oarlock.cases import Case
 from oarlock.errors import InputError, RefusedError
-from oarlock.experiments import Setup
 from oarlock.inequalities import ignore_inequalities
 from oarlock.mechanism import INTEGRATORS, element_name, load_model, prepare
+from oarlock.setup import Setup
 from oarlock.solvers import REFERENCE, SolvedForce, SolverSpec
 from oarlock.start import KEYFRAME, ConsistentStart, consistent_start
 from oarlock.state import State

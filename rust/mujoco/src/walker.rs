@@ -14,6 +14,9 @@ use crate::projection::Projector;
 /// rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding.
 const SMALL_ANGLE: f64 = 1e-4;
 
+const SIXTH: f64 = 1.0 / 6.0;
+const THIRD: f64 = 1.0 / 3.0;
+
 const FREE: i32 = 0;
 const BALL: i32 = 1;
 
@@ -187,7 +190,7 @@ impl Tableau {
 
 /// The weighted mean of an entry over the stages.
 fn mean(stages: &[Vec<f64>; 4], i: usize) -> f64 {
-    (stages[0][i] + 2.0 * stages[1][i] + 2.0 * stages[2][i] + stages[3][i]) / 6.0
+    stages[0][i] * SIXTH + stages[1][i] * THIRD + stages[2][i] * THIRD + stages[3][i] * SIXTH
 }
 
 fn three(values: &[f64]) -> [f64; 3] {
@@ -204,7 +207,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 /// Munthe-Kaas, Nørsett and Zanna, Lie-group methods, 2000).
 fn rotation_vector_rate(vector: [f64; 3], omega: [f64; 3]) -> [f64; 3] {
     let square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2];
-    let bend = if square > SMALL_ANGLE * SMALL_ANGLE {
+    let bend = if square > SMALL_ANGLE * SMALL_ANGLE && square < f64::INFINITY {
         let half = 0.5 * square.sqrt();
         (1.0 - half / half.tan()) / (4.0 * half * half)
     } else {

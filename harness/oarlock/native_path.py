@@ -3,7 +3,7 @@
 The core needs MuJoCo of exactly the version that it was built against, for it reads its structs.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,10 @@ from oarlock import _core
 from oarlock.case_file import Baumgarte, Form
 from oarlock.errors import InputError, one_line
 from oarlock.inequalities import refuse_inequalities
+from oarlock.python_path import Make, Tables, Tick
 from oarlock.results import SCHEMA
+from oarlock.setup import Setup
 from oarlock.solvers import MUJOCO, REFERENCE, SolverSpec
-
-Make = Callable[[SolverSpec], _core.MultiplierSolver]
 
 TICK_STEPS = 200
 """Steps between two reports of progress, and between two looks at interruptions."""
@@ -49,7 +49,9 @@ class NativePath:
         InputError: the model cannot be walked natively.
     """
 
-    def __init__(self, setup: Any, terms: Baumgarte, make: Make, tick: Callable[[int], None]):
+    name = "native"
+
+    def __init__(self, setup: Setup, terms: Baumgarte, make: Make, tick: Tick):
         self._setup, self._make, self._tick = setup, make, tick
         self._core = _core.Setup(
             setup.model,
@@ -63,36 +65,34 @@ class NativePath:
             snapshots=setup.published.steps,
         )
 
-    def calibration(self) -> tuple[list[pl.DataFrame], str]:
-        """The table, and what ended the run early, or nothing."""
+    def calibration(self) -> Tables:
+        """As ``PythonPath``."""
         return self._walk(self._core.calibration(self._setup.steps))
 
     def lockstep(
         self, walker: SolverSpec, projector: SolverSpec | None, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]
-    ) -> tuple[list[pl.DataFrame], str]:
-        """A table for each form × solver, and what ended the run early, or nothing."""
+    ) -> Tables:
+        """As ``PythonPath``."""
         make = self._make
         questions = [(form, make(SolverSpec(REFERENCE)), [make(spec) for spec in solvers]) for form in forms]
         leader = None if walker.name == MUJOCO else make(walker)
         last = make(projector) if projector else None
         return self._walk(self._core.lockstep(self._setup.steps, questions, leader, last))
 
-    def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> tuple[list[pl.DataFrame], str]:
-        """A table for each form × solver, and what ended the run early, or nothing."""
+    def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
+        """As ``PythonPath``."""
         asked = [(form, self._make(spec)) for form in forms for spec in solvers]
         return self._walk(self._core.one_step(self._setup.steps, asked))
 
-    def free(
-        self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None
-    ) -> tuple[list[pl.DataFrame], str]:
-        """The table, and what ended the run early, or nothing."""
+    def free(self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None) -> Tables:
+        """As ``PythonPath``."""
         steps, make = self._setup.steps, self._make
-        if solver.name == MUJOCO:
+        if form is None:
             return self._walk(self._core.free_mujoco(steps))
         last = make(projector) if projector else None
         return self._walk(self._core.free_solved(steps, form, make(solver), make(SolverSpec(REFERENCE)), last))
 
-    def _walk(self, run: _core.Run) -> tuple[list[pl.DataFrame], str]:
+    def _walk(self, run: _core.Run) -> Tables:
         parts: list[list[pl.DataFrame]] = []
         rows = 0
         for taken in self._advance(run):

@@ -1,0 +1,282 @@
+"""The Python path: the experiments walked by ``stepping.py``. The readable one, and the oracle of the native path.
+
+Rows are written at the start of every step, where state, question and answer belong together.
+"""
+
+import time
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import polars as pl
+
+from oarlock._core import MultiplierSolver
+from oarlock.case_file import Baumgarte, Form
+from oarlock.errors import InputError, RefusedError, one_line
+from oarlock.metrics import Energy, against_mujoco, drift, largest, projecting, solving
+from oarlock.projection import Projector
+from oarlock.results import Recorder
+from oarlock.setup import Setup
+from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
+from oarlock.state import State
+from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker
+
+Make = Callable[[SolverSpec], MultiplierSolver]
+"""Makes a solver with the defaults of the case."""
+
+Tick = Callable[[int], None]
+"""Called with the number of steps just done."""
+
+Finish = Callable[[float], None]
+"""Called with the time in µs that the step took, once it is taken: writes the rows that were begun before it."""
+
+Tables = tuple[list[pl.DataFrame], str]
+"""A table for each who answers, and what ended the run early, or nothing."""
+
+_TICK_STEPS = 200
+
+
+class PythonPath:
+    """The experiments of one setup."""
+
+    name = "python"
+
+    def __init__(self, setup: Setup, terms: Baumgarte, make: Make, tick: Tick):
+        self._setup, self._terms, self._make, self._tick = setup, terms, make, tick
+        self._theirs: np.ndarray | None = None
+
+    def calibration(self) -> Tables:
+        """MuJoCo's own force through our stepping, against MuJoCo: the trajectory difference must be rounding."""
+        setup = self._setup
+        theirs = self._mujoco_trajectory()
+        data = setup.data()
+        walker = ForcedWalker(setup.model, data, setup.drive, MujocoForce(setup.model))
+        recorder = Recorder()
+
+        def record(step: int) -> Finish:
+            figures = {
+                "step": step,
+                "time_s": data.time,
+                "status": "converged",
+                "drift_pos": largest(data.efc_pos[: data.ne]),
+                "drift_vel": largest(data.efc_vel[: data.ne]),
+                "trajectory_diff": setup.apart(theirs[step], data.qpos),
+                "truth_error": setup.truth_error(step, data),
+                "qpos": data.qpos.copy(),
+            }
+            return lambda step_us: recorder.append(**figures, step_us=step_us)
+
+        message = self._walk(walker, record)
+        return [recorder.frame()], message
+
+    def lockstep(
+        self,
+        walker: SolverSpec,
+        projector: SolverSpec | None,
+        forms: tuple[Form, ...],
+        solvers: tuple[SolverSpec, ...],
+    ) -> Tables:
+        """One engine walks; at each of its states every solver answers the same question, and MuJoCo its own.
+
+        A solver walks in the hard form, and a projector with a solver of its own may end its steps. The tables come
+        form by form.
+        """
+        setup = self._setup
+        data = setup.data()
+        state = self._state(data)
+        last = None
+        if walker.name == MUJOCO:
+            leader: Walker = MujocoWalker(setup.model, data)
+        else:
+            force = SolvedForce(state, "hard", self._make(walker))
+            last = self._projector(projector)
+            leader = ForcedWalker(setup.model, data, setup.drive, force, last)
+        questions = [(Question(state, form), self._make(SolverSpec(REFERENCE))) for form in forms]
+        answering = {(form, spec): self._make(spec) for form in forms for spec in solvers}
+        recorders = {key: Recorder() for key in answering}
+
+        def record(step: int) -> Finish:
+            state.read()
+            qacc, qfrc = leader.mujoco_answer()
+            rows = []
+            for question, reference_solver in questions:
+                question.ask()
+                reference = question.answer(reference_solver)
+                for spec in solvers:
+                    answer = question.answer(answering[question.form, spec])
+                    figures = {
+                        **self._common(step, data, state, answer.qacc),
+                        **solving([answer], reference),
+                        **against_mujoco(answer, qacc, qfrc),
+                        "multipliers": answer.multipliers,
+                    }
+                    rows.append((recorders[question.form, spec], figures))
+
+            def finish(step_us: float) -> None:
+                for recorder, figures in rows:
+                    recorder.append(**figures, **projecting(last), step_us=step_us)
+
+            return finish
+
+        message = self._walk(leader, record)
+        return [recorder.frame() for recorder in recorders.values()], message
+
+    def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
+        """From each of MuJoCo's states, one step each: what a single step adds to the difference. Form by form.
+
+        Never projected: from MuJoCo's states, which are open, the way to the manifold would drown what a step adds.
+        """
+        setup = self._setup
+        data, ours = setup.data(), setup.data()
+        state = self._state(ours)
+        recorders = {(form, spec): Recorder() for form in forms for spec in solvers}
+        forces = {key: SolvedForce(state, key[0], self._make(key[1])) for key in recorders}
+        walkers = {key: ForcedWalker(setup.model, ours, setup.drive, force) for key, force in forces.items()}
+
+        def record(step: int) -> Finish:
+            rows = []
+            for key, walker in walkers.items():
+                ours.qpos[:], ours.qvel[:], ours.act[:] = data.qpos, data.qvel, data.act
+                ours.time = data.time
+                walker.look()
+                figures = self._common(step, ours, state, ours.qacc)
+                figures["multipliers"] = forces[key].answers[0].multipliers
+                walker.step()
+                figures.update(solving(forces[key].answers, None))
+                forces[key].answers.clear()
+                rows.append((recorders[key], figures, ours.qpos.copy()))
+
+            def finish(step_us: float) -> None:
+                for recorder, figures, qpos in rows:
+                    recorder.append(**figures, trajectory_diff=setup.apart(data.qpos, qpos), step_us=step_us)
+
+            return finish
+
+        message = self._walk(MujocoWalker(setup.model, data), record)
+        return [recorder.frame() for recorder in recorders.values()], message
+
+    def free(self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None) -> Tables:
+        """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form."""
+        if form is None:
+            return self._free_mujoco()
+        return self._free_solved(solver, form, projector)
+
+    def _free_mujoco(self) -> Tables:
+        setup = self._setup
+        data = setup.data()
+        state = self._state(data)
+        walker = MujocoWalker(setup.model, data)
+        energy = Energy(setup.model)
+        recorder = Recorder()
+
+        def record(step: int) -> Finish:
+            state.read()
+            iterations = walker.iterations
+            figures = {
+                **self._common(step, data, state, data.qacc),
+                "status": "converged",
+                "solves": 1,
+                "unconverged": 0,
+                "iterations": iterations,
+                "iterations_worst": iterations,
+                **energy.of(data),
+                **setup.published.errors(step, data),
+                "multipliers": data.efc_force.copy(),
+            }
+            return lambda step_us: recorder.append(**figures, step_us=step_us)
+
+        message = self._walk(walker, record)
+        return [recorder.frame()], message
+
+    def _free_solved(self, solver: SolverSpec, form: Form, projector: SolverSpec | None) -> Tables:
+        setup = self._setup
+        theirs = self._mujoco_trajectory()
+        data = setup.data()
+        state = self._state(data)
+        force = SolvedForce(state, form, self._make(solver))
+        last = self._projector(projector)
+        walker = ForcedWalker(setup.model, data, setup.drive, force, last)
+        reference_solver = self._make(SolverSpec(REFERENCE))
+        energy = Energy(setup.model)
+        recorder = Recorder()
+
+        def record(step: int) -> Finish:
+            figures = {
+                **self._common(step, data, state, data.qacc),
+                "trajectory_diff": setup.apart(theirs[step], data.qpos),
+                **energy.of(data),
+                **setup.published.errors(step, data),
+                "multipliers": force.answers[0].multipliers,
+            }
+            reference = force.question.answer(reference_solver)
+
+            def finish(step_us: float) -> None:
+                solves = solving(force.answers, reference)
+                recorder.append(**figures, **solves, **projecting(last), step_us=step_us)
+                force.answers.clear()
+
+            return finish
+
+        message = self._walk(walker, record)
+        return [recorder.frame()], message
+
+    def _state(self, data: mujoco.MjData) -> State:
+        return State(self._setup.model, data, self._terms)
+
+    def _projector(self, solver: SolverSpec | None) -> Projector | None:
+        return Projector(self._setup.model, solver=solver) if solver else None
+
+    def _walk(self, walker: Walker, record: Callable[[int], Finish]) -> str:
+        """Walks all steps, recording each as it is taken; gives what ended the run early, or nothing."""
+        data = walker.data
+        ticks = 0
+        # A run that diverges overflows on its way; it ends with a status, not with warnings.
+        with self._setup.drive.installed(), np.errstate(over="ignore", invalid="ignore"):
+            for step in range(self._setup.steps):
+                try:
+                    began = time.perf_counter()
+                    walker.look()
+                    looked = time.perf_counter()
+                    finish = record(step)
+                    recorded = time.perf_counter()
+                    walker.step()
+                    finish(1e6 * (time.perf_counter() - recorded + looked - began))
+                except RefusedError:
+                    raise
+                except InputError as error:
+                    if step == 0:
+                        raise
+                    return f"step {step}, t = {data.time:.6g} s: {one_line(error)}"
+                if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+                    return f"step {step}, t = {data.time:.6g} s: the state is no longer finite"
+                ticks += 1
+                if ticks == _TICK_STEPS:
+                    self._tick(ticks)
+                    ticks = 0
+        self._tick(ticks)
+        return ""
+
+    def _mujoco_trajectory(self) -> np.ndarray:
+        """MuJoCo's own free run, (steps, nq); NaN where it did not get to."""
+        if self._theirs is None:
+            setup = self._setup
+            path = np.full((setup.steps, setup.model.nq), np.nan)
+            data = setup.data()
+
+            def record(step: int) -> Finish:
+                path[step] = data.qpos
+                return lambda _step_us: None
+
+            self._walk(MujocoWalker(setup.model, data), record)
+            self._theirs = path
+        return self._theirs
+
+    def _common(self, step: int, data: mujoco.MjData, state: State, qacc: np.ndarray) -> dict:
+        return {
+            "step": step,
+            "time_s": data.time,
+            **drift(state, qacc),
+            "truth_error": self._setup.truth_error(step, data),
+            "qpos": data.qpos.copy(),
+            "residual": state.residual.copy(),
+        }
