@@ -34,14 +34,19 @@ impl MujocoWalker {
         self.data.forward()
     }
 
-    /// The integrator alone, which asks for controls at its stages.
+    /// The integrator alone.
     fn step(&mut self) -> Result<(), Error> {
-        if self.drive.is_empty() || self.data.model().integrator() != Integrator::RungeKutta {
-            return self.data.integrate();
-        }
+        self.controlled(Data::integrate)
+    }
+
+    /// A call that asks for controls at the stages of Runge–Kutta.
+    fn controlled(&mut self, call: impl FnOnce(&mut Data) -> Result<(), Error>) -> Result<(), Error> {
         let Self { data, drive } = self;
+        if drive.is_empty() || data.model().integrator() != Integrator::RungeKutta {
+            return call(data);
+        }
         let model = data.model().clone();
-        with_controls(&model, drive, || data.integrate())?;
+        with_controls(&model, drive, || call(data))?;
         drive.take_failure()
     }
 }
@@ -464,6 +469,48 @@ impl Experiment for FreeMujoco {
 
     fn snapshots(&mut self) -> Vec<Snapshot> {
         self.notes.take_snapshots()
+    }
+}
+
+struct Bare {
+    walker: MujocoWalker,
+}
+
+/// `mj_step` alone, and nothing written down: what a comparison is measured against.
+///
+/// # Errors
+/// Those of [`Setup::data`].
+pub fn bare(setup: &Setup, steps: usize) -> Result<Run, Error> {
+    Ok(Run::new(Bare { walker: MujocoWalker::new(setup)? }, steps))
+}
+
+impl Experiment for Bare {
+    fn look(&mut self) -> Result<(), Error> {
+        self.walker.drive.apply(&mut self.walker.data)
+    }
+
+    fn record(&mut self, _step: usize) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn step(&mut self) -> Result<(), Error> {
+        self.walker.controlled(Data::step)
+    }
+
+    fn finish(&mut self, _step_us: f64) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn data(&self) -> &Data {
+        &self.walker.data
+    }
+
+    fn tables(&mut self) -> Vec<&mut Steps> {
+        Vec::new()
+    }
+
+    fn snapshots(&mut self) -> Vec<Snapshot> {
+        Vec::new()
     }
 }
 

@@ -4,6 +4,8 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use crate::drive::Drive;
 use crate::error::Error;
 use crate::library::{Data, Model};
@@ -184,6 +186,12 @@ pub struct End {
     pub time: f64,
     /// Why; `None`: the state is no longer finite.
     pub error: Option<Error>,
+}
+
+/// Goes on with many runs by so many steps each, on as many threads as there are cores (or `RAYON_NUM_THREADS`); as
+/// [`Run::advance`], for each.
+pub fn advance_all(runs: &mut [&mut Run], steps: usize) -> Vec<usize> {
+    runs.par_iter_mut().map(|run| run.advance(steps)).collect()
 }
 
 /// A run on its way.

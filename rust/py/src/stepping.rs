@@ -142,6 +142,11 @@ impl Setup {
         Run::of(py, experiments::one_step(&self.inner, asked.collect::<PyResult<_>>()?, steps))
     }
 
+    /// `mj_step` alone, and nothing written down.
+    fn bare(&self, py: Python<'_>, steps: usize) -> PyResult<Run> {
+        Run::of(py, experiments::bare(&self.inner, steps))
+    }
+
     /// MuJoCo walks alone.
     fn free_mujoco(&self, py: Python<'_>, steps: usize) -> PyResult<Run> {
         Run::of(py, experiments::free_mujoco(&self.inner, steps))
@@ -170,6 +175,14 @@ impl Setup {
     fn projector(&self, solver: Option<&MultiplierSolver>) -> Option<Projector> {
         solver.map(|solver| Projector::new(&self.inner.model, fresh(solver)))
     }
+}
+
+/// Goes on with many runs by so many steps each, on as many threads as there are cores (or RAYON_NUM_THREADS); gives the
+/// number of steps that each took.
+#[pyfunction]
+pub fn advance_all(py: Python<'_>, mut runs: Vec<PyRefMut<'_, Run>>, steps: usize) -> Vec<usize> {
+    let mut inner: Vec<_> = runs.iter_mut().map(|run| &mut run.inner).collect();
+    py.detach(|| native::run::advance_all(&mut inner, steps))
 }
 
 /// A run on its way, made by a `Setup`.
