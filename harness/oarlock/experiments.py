@@ -85,7 +85,8 @@ def run_key(case: str, task: Task, solver: str, form: Form | None, timestep_s: f
 class Setup:
     """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them.
 
-    ``ignored`` says which contacts, limits and friction were switched off, or None where none were to be.
+    ``ignored`` says which contacts, limits and friction were switched off, or None where none were to be. For
+    ``solref_s`` see ``load_mechanism``, for ``seed`` ``consistent_start``.
     """
 
     def __init__(
@@ -97,12 +98,17 @@ class Setup:
         timestep_s: float | None,
         duration_s: float,
         ignoring: bool = False,
+        *,
+        solref_s: float | None = None,
+        seed: int | None = None,
     ):
-        self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
+        self.model = load_mechanism(
+            case, integrator=integrator, timestep_s=timestep_s, settings=settings, solref_s=solref_s
+        )
         ignoring = ignoring or case.file.run.ignore_inequalities
         self.ignored = ignore_inequalities(self.model) if ignoring else None
         self.drive = Drive(self.model, case)
-        self.start: ConsistentStart = consistent_start(self.model, case)
+        self.start: ConsistentStart = consistent_start(self.model, case, seed)
         self.timestep_s = float(self.model.opt.timestep)
         self.steps = _steps(duration_s, self.timestep_s)
         self.published = PublishedValues(self.model, case, own=timestep_s is None)
@@ -142,21 +148,40 @@ class Setup:
 
 
 class Laboratory:
-    """Runs the tasks of one case."""
+    """Runs the tasks of one case; with a time constant or a disturbed start of ``Setup`` where they are given."""
 
     def __init__(
-        self, case: Case, timestep_s: float | None, duration_s: float, tick: Tick, *, ignore_inequalities: bool = False
+        self,
+        case: Case,
+        timestep_s: float | None,
+        duration_s: float,
+        tick: Tick,
+        *,
+        ignore_inequalities: bool = False,
+        solref_s: float | None = None,
+        seed: int | None = None,
     ):
         self.case = case
+        self._solref_s, self._seed = solref_s, seed
         self._ignoring = ignore_inequalities
         self._timestep_s, self._duration_s = timestep_s, duration_s
         self._tick = tick
-        self._truth = load_truth(case)
+        self._truth = load_truth(case) if seed is None else None  # it knows the case's own start only
         self._trajectories: dict[tuple[Integrator, str], np.ndarray] = {}
 
     def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
         """The case, prepared."""
-        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s, self._ignoring)
+        return Setup(
+            self.case,
+            self._truth,
+            integrator,
+            settings,
+            self._timestep_s,
+            self._duration_s,
+            self._ignoring,
+            solref_s=self._solref_s,
+            seed=self._seed,
+        )
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.
