@@ -13,7 +13,7 @@ KEYS = {
     SOLREF: "time constant of MuJoCo's equalities in s, with the damping ratio 1",
     SEED: "number of the disturbance of the start",
 }
-"""What can be swept of every model. Every other key is a parameter of the model; these come before one of their name."""
+"""What can be swept of every model. Any other key is a parameter of the model; one of these names is out of reach."""
 
 
 @dataclass(frozen=True)
@@ -35,3 +35,7 @@ class Point:
     def of(self, case: Case) -> Case:
         """The case with the parameters that the point names. Raises InputError as ``Case.at``."""
         return case.at({key: value for key, value in self.values if key not in KEYS}) if self else case
+
+
+OWN = Point()
+"""The case as it is."""

@@ -19,7 +19,7 @@ from oarlock.case_file import Form
 from oarlock.cases import Case, load_case
 from oarlock.errors import InputError, one_line
 from oarlock.experiments import Laboratory, Setup, Task, run_key
-from oarlock.point import SEED, SOLREF, TIMESTEP, Point
+from oarlock.point import OWN, SEED, SOLREF, TIMESTEP, Point
 from oarlock.results import RunResult
 from oarlock.run import Request, describe, plan
 from oarlock.sketch import sketch
@@ -46,7 +46,7 @@ class Unit:
     digest: str
     cost: float
     first: bool = False
-    point: Point = Point()
+    point: Point = OWN
 
     @property
     def name(self) -> str:
