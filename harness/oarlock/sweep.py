@@ -63,7 +63,7 @@ class Axis:
         low, high = sorted((self.first, self.last))
         if whole:
             if not all(end.is_integer() and abs(end) <= _WHOLE for end in (low, high)):
-                raise InputError(f"--sweep {self.text}: {self.key} goes from whole number to whole number")
+                raise InputError(f"--sweep '{self.text}': {self.key} is a whole number, expected whole numbers")
             return list(dict.fromkeys(round(value) for value in np.linspace(self.first, self.last, self.count)))
         spaced = np.geomspace if self.geometric else np.linspace
         inner = [float(f"{value:.{DIGITS}g}") for value in spaced(self.first, self.last, self.count)[1:-1]]
