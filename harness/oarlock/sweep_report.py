@@ -24,6 +24,9 @@ PANELS = {
 }
 """Figure of the summary → what its panel is called; a panel without values is left out."""
 
+LABELLED = 12
+"""Values that an axis has room for; of more it labels round ones."""
+
 TIME = "time"
 _TIMED = {TIME: "time a simulated second (µs)"}
 
@@ -59,7 +62,10 @@ def chart(rows: list[dict[str, Any]], axis: dict[str, Any], panels: dict[str, st
     if geometric:
         scale, ticks = log_scale(frame["x"])
     else:
-        scale, ticks = alt.Scale(zero=False, nice=False, padding=10), alt.Axis(tickMinStep=1, grid=False)
+        values = sorted({float(row["point"][key]) for row in rows})
+        ends = [values[0], values[-1]] if len(values) > 1 else alt.Undefined
+        scale = alt.Scale(domain=ends, zero=False, nice=False, padding=10)
+        ticks = alt.Axis(values=values if len(values) <= LABELLED else alt.Undefined, grid=False)
     engines = list(dict.fromkeys(frame["who"]))
     widths = [max(1.5, 6.0 - 1.5 * index) for index in range(len(engines))]  # a curve on another leaves it visible
     drawn = []
