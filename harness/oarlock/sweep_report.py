@@ -65,7 +65,7 @@ def chart(rows: list[dict[str, Any]], axis: dict[str, Any], panels: dict[str, st
         values = sorted({float(row["point"][key]) for row in rows})
         ends = [values[0], values[-1]] if len(values) > 1 else alt.Undefined
         scale = alt.Scale(domain=ends, zero=False, nice=False, padding=10)
-        ticks = alt.Axis(values=values if len(values) <= LABELLED else alt.Undefined, grid=False)
+        ticks = alt.Axis(values=values if len(values) <= LABELLED else alt.Undefined, format="~g", grid=False)
     engines = list(dict.fromkeys(frame["who"]))
     widths = [max(1.5, 6.0 - 1.5 * index) for index in range(len(engines))]  # a curve on another leaves it visible
     drawn = []
