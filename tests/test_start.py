@@ -7,7 +7,7 @@ import pytest
 from mechanisms import boat_with, case_of, four_bar, write_model
 from oarlock import InputError, load_case
 from oarlock.mechanism import jacobian, load_mechanism
-from oarlock.start import consistent_start
+from oarlock.start import DISTURBANCE, consistent_start
 from tolerances import CLOSED, START_UNCHANGED
 
 
@@ -184,3 +184,27 @@ def test_drive_without_a_value_at_the_start():
 def test_unknown_actuator_lists_the_actuators():
     with pytest.raises(InputError, match=r"actuator in \[drive\] .*'motor'.* motor_angle, motor_speed"):
         started(boat_with(drive={"ctrl": {"motor": "1"}}))
+
+
+# Disturbed by a seed.
+
+
+def test_a_seed_disturbs_a_start_and_leaves_it_consistent():
+    """Of a model with a free joint: a quaternion stays one."""
+    case = load_case("floating_four_bar")
+    model = load_mechanism(case, integrator="rk4")
+    own = consistent_start(model, case)
+    found = [consistent_start(model, case, seed) for seed in (0, 1, 1)]
+    np.testing.assert_array_equal(found[1].qpos, found[2].qpos)
+    np.testing.assert_array_equal(found[1].qvel, found[2].qvel)
+    data = mujoco.MjData(model)
+    (free,) = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    quaternion = slice(model.jnt_qposadr[free] + 3, model.jnt_qposadr[free] + 7)
+    for start, other in ((found[0], own), (found[1], own), (found[0], found[1])):
+        data.qpos[:], data.qvel[:] = start.qpos, start.qvel
+        mujoco.mj_forward(model, data)
+        assert np.abs(data.efc_pos).max() <= CLOSED
+        assert np.abs(data.efc_vel).max() <= CLOSED
+        assert abs(np.linalg.norm(start.qpos[quaternion]) - 1.0) <= CLOSED
+        assert 1e-3 < np.abs(start.qpos - other.qpos).max() < 10 * DISTURBANCE
+        assert 1e-3 < np.abs(start.qvel - other.qvel).max() < 10 * DISTURBANCE

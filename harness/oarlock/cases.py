@@ -57,6 +57,16 @@ class Case:
         path = self.folder / fill(self.file.truth.file, self.parameters)
         return path if self.listed or path.is_file() else None
 
+    def at(self, parameters: dict[str, Number]) -> "Case":
+        """The case with some parameters changed and its run as it is; no published value is known to hold for it.
+
+        Raises:
+            InputError: an unknown parameter, or a fraction where an integer is expected.
+        """
+        other = Case(self.model, self.model_path, self.file, {**self.parameters, **parameters})
+        other.file = other.file.model_copy(update={"run": self.file.run, "published": []})
+        return other
+
     def expected(self) -> dict[str, int | str]:
         """What the model must turn out to be at its start. Raises InputError as ``Expect.values``."""
         return self.file.expect.values(self.parameters)

@@ -313,11 +313,21 @@ def suite(
     ] = None,
     as_json: JsonOption = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Do everything anew, also what is finished.")] = False,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=A:B:N",
+            help="Free runs at N values from A to B instead of the experiments: of timestep or solref (MuJoCo's time "
+            "constant of the equalities), in s and spaced geometrically; of a parameter of the model; or of seed, "
+            "which disturbs the start. Several make a grid.",
+        ),
+    ] = None,
 ) -> None:
     """Every model × its experiments, in parallel; resumes where it stopped, repeats what changed, writes the report."""
     from oarlock.suite_command import run_suite
 
-    status, document = run_suite(models or [], jobs=jobs, out=out, report=to or out / "report", fresh=fresh)
+    target = to or out / "report"
+    status, document = run_suite(models or [], jobs=jobs, out=out, report=target, fresh=fresh, sweep=sweep or ())
     if as_json:
         _emit_json(document, as_json)
     if status:

@@ -26,6 +26,8 @@ PRESENTATION = (
     "suite_command.py",
     "summary.py",
     "summary_figures.py",
+    "sweep.py",
+    "sweep_report.py",
     "workers.py",
 )
 """Sources that no figure of a run depends on."""

@@ -63,7 +63,7 @@ def run_key(
 
 
 class Laboratory:
-    """Runs the tasks of one case."""
+    """Runs the tasks of one case; with a time constant or a disturbed start of ``Setup`` where they are given."""
 
     def __init__(
         self,
@@ -74,17 +74,30 @@ class Laboratory:
         *,
         ignore_inequalities: bool = False,
         stepping: Stepping = "auto",
+        solref_s: float | None = None,
+        seed: int | None = None,
     ):
         self.case = case
+        self._solref_s, self._seed = solref_s, seed
         self._ignoring = ignore_inequalities
         self._timestep_s, self._duration_s = timestep_s, duration_s
         self._tick = tick
-        self._truth = load_truth(case)
+        self._truth = load_truth(case) if seed is None else None  # it knows the case's own start only
         self._stepping: Stepping = stepping
 
     def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
         """The case, prepared."""
-        return Setup(self.case, self._truth, integrator, settings, self._timestep_s, self._duration_s, self._ignoring)
+        return Setup(
+            self.case,
+            self._truth,
+            integrator,
+            settings,
+            self._timestep_s,
+            self._duration_s,
+            self._ignoring,
+            solref_s=self._solref_s,
+            seed=self._seed,
+        )
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.

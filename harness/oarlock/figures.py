@@ -52,7 +52,8 @@ def log_scale(values: Iterable[float]) -> tuple[alt.Scale, alt.Axis]:
     return scale, alt.Axis(values=ticks, format=".0e")
 
 
-def _log_axis(values: Iterable[float], title: str) -> alt.Y:
+def log_axis(values: Iterable[float], title: str) -> alt.Y:
+    """``value`` on a logarithmic axis."""
     scale, axis = log_scale(values)
     return alt.Y("value:Q", title=title, scale=scale, axis=axis)
 
@@ -134,7 +135,7 @@ def over_time(runs: dict[str, pl.DataFrame], column: str, title: str, rule: floa
             frame = envelope(kept["time_s"].to_numpy(), kept[column].to_numpy())
             frames.append(_significant(frame).filter(pl.col("value") > 0).with_columns(who=pl.lit(who)))
     frame = pl.concat(frames)
-    y = _log_axis([*frame["value"], rule or math.nan], title)
+    y = log_axis([*frame["value"], rule or math.nan], title)
     chart = alt.Chart(frame).mark_line(strokeWidth=1.5).encode(x=_time_axis(), y=y, color=colour(runs))
     if rule is not None:
         line = alt.Chart(pl.DataFrame({"value": [rule]})).mark_rule(strokeDash=[4, 4], color="#777").encode(y=y)
@@ -152,7 +153,7 @@ def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str, unit: str) -
             frames.append(frame.with_columns(who=pl.lit(who), row=pl.lit(f"row {row + 1}")))
     floor = 1e-16  # below the rounding of a length of 1 m there is nothing to see
     frame = pl.concat(frames).with_columns(pl.col("value").clip(floor))
-    y = _log_axis(frame["value"], f"|deviation| ({unit})")
+    y = log_axis(frame["value"], f"|deviation| ({unit})")
     colour = alt.Color("row:N", title=None, scale=alt.Scale(scheme="dark2"), legend=alt.Legend(orient="top"))
     panels = [
         alt.Chart(frame.filter(pl.col("who") == who), title=f"{name}: {who}")

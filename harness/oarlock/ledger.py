@@ -12,7 +12,7 @@ from oarlock.unit import Outcome, Unit
 
 NAME = "units.json"
 _TAIL = 65536
-_KEYS = {"digest", "status", "message", "seconds", "sweep", "rows", "files", "model"}
+_KEYS = {"digest", "status", "message", "seconds", "point", "rows", "files", "model"}
 
 
 def fingerprint(path: Path) -> str | None:
@@ -32,7 +32,7 @@ class Ledger:
     Attributes:
         case: name of the case.
         refused: why the case cannot be run at all; empty if it can.
-        entries: name of a unit → digest, status, message, seconds, rows, sweep, files (name → fingerprint), model.
+        entries: name of a unit → digest, status, message, seconds, point, rows, files (name → fingerprint), model.
     """
 
     def __init__(self, folder: ResultFolder, case: str, refused: str = "", entries: dict[str, Any] | None = None):
@@ -85,7 +85,7 @@ class Ledger:
             "status": outcome.status,
             "message": outcome.message,
             "seconds": round(outcome.seconds, 3),
-            "sweep": unit.timestep_s is not None,
+            "point": dict(unit.point.values),
             "rows": outcome.rows,
             "files": marks,
             "model": outcome.model,
@@ -105,8 +105,8 @@ class Ledger:
         return replace(unit, cost=entry["seconds"]) if entry and entry["status"] == "done" else unit
 
     def rows(self, *, sweep: bool = False) -> list[dict[str, Any]]:
-        """Summary rows of the units that were done: of the case's own experiments, or of its sweep."""
-        done = [entry for entry in self.entries.values() if entry["status"] == "done" and entry["sweep"] == sweep]
+        """Summary rows of the units that were done: of the case's own experiments, or of a sweep."""
+        done = [entry for entry in self.entries.values() if entry["status"] == "done" and bool(entry["point"]) == sweep]
         return [row for entry in done for row in entry["rows"]]
 
     def model(self) -> dict[str, Any] | None:

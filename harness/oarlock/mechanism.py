@@ -153,14 +153,25 @@ def prepare(
 
 
 def load_mechanism(
-    case: Case, *, integrator: Integrator, timestep_s: float | None = None, settings: str = "default"
+    case: Case,
+    *,
+    integrator: Integrator,
+    timestep_s: float | None = None,
+    settings: str = "default",
+    solref_s: float | None = None,
 ) -> mujoco.MjModel:
-    """The model of a case, prepared for one run. Raises InputError as ``load_model``."""
+    """The model of a case, prepared for one run. Raises InputError as ``load_model``.
+
+    ``solref_s`` is the time constant of every equality, with the damping ratio 1, in place of that of the settings.
+    """
+    chosen = case.file.setting(settings)
+    if solref_s is not None:
+        chosen = chosen.model_copy(update={"solref": (solref_s, 1.0)})
     return prepare(
         load_model(case.model_path, case.parameters),
         integrator=integrator,
         timestep_s=timestep_s or case.file.run.timestep_s,
-        settings=case.file.setting(settings),
+        settings=chosen,
     )
 
 

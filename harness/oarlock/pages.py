@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from oarlock import digest
 from oarlock.errors import InputError, one_line
@@ -21,19 +21,22 @@ _DIRECT = ("README.md", "summary.json", "index.html")
 
 @dataclass(frozen=True)
 class Page:
-    """Folders of results and the folder of the report that they make; of one case, or the summary of several."""
+    """Folders of results and the folder of the report that they make.
+
+    Of one ``case``, the ``summary`` of several, or a ``sweep``.
+    """
 
     name: str
     sources: tuple[Path, ...]
     target: Path
-    summary: bool = False
+    kind: Literal["case", "summary", "sweep"] = "case"
 
     def inputs(self) -> str:
         """What it is made from."""
         made = [
             [*(digest.of_file(path / name) for name in _SOURCES), _tables(path), path.name] for path in self.sources
         ]
-        return digest.of_document([digest.presentation(), made, self.summary])
+        return digest.of_document([digest.presentation(), made, self.kind])
 
     def outputs(self) -> str:
         """What was made."""
@@ -51,10 +54,14 @@ def _tables(path: Path) -> Any:
 def write_page(page: Page) -> str:
     """Makes a page; says what stood in the way, or nothing."""
     try:
-        if page.summary:
+        if page.kind == "summary":
             from oarlock.summary import write_summary
 
             write_summary(page.sources, page.target)
+        elif page.kind == "sweep":
+            from oarlock.sweep_report import write_sweep_report
+
+            write_sweep_report(page.sources[0], page.target)
         else:
             from oarlock.report import write_report
 
@@ -86,7 +93,19 @@ def write_pages(
     others = [] if every else [path.parent for path in out.glob(f"*/{NAME}")]
     known = sorted({path for path in (*cases, *others) if (path / NAME).is_file()}, key=_order)
     failures = _make(out, singles, workers, listener)
-    return failures + (_make(out, [Page("summary", tuple(known), report, True)], workers, listener) if known else [])
+    whole = [Page("summary", tuple(known), report, "summary")] if known else []
+    return failures + _make(out, whole, workers, listener)
+
+
+def write_sweep_pages(
+    out: Path, sweeps: Sequence[Path], report: Path, workers: Workers, listener: Listener
+) -> list[str]:
+    """Writes the pages of sweeps beside those of their cases, where they would change; no other page is touched.
+
+    Gives what could not be written, and why.
+    """
+    named = {f"{path.parent.name}-{path.name}": path for path in sweeps if (path / "summary.json").is_file()}
+    return _make(out, [Page(name, (path,), report / name, "sweep") for name, path in named.items()], workers, listener)
 
 
 def _order(path: Path) -> tuple[str, list[tuple[str, float]]]:

@@ -32,7 +32,8 @@ def _steps(duration_s: float, timestep_s: float) -> int:
 class Setup:
     """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them.
 
-    ``ignored`` says which contacts, limits and friction were switched off, or None where none were to be.
+    ``ignored`` says which contacts, limits and friction were switched off, or None where none were to be. For
+    ``solref_s`` see ``load_mechanism``, for ``seed`` ``consistent_start``.
     """
 
     def __init__(
@@ -44,12 +45,17 @@ class Setup:
         timestep_s: float | None,
         duration_s: float,
         ignoring: bool = False,
+        *,
+        solref_s: float | None = None,
+        seed: int | None = None,
     ):
-        self.model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings)
+        self.model = load_mechanism(
+            case, integrator=integrator, timestep_s=timestep_s, settings=settings, solref_s=solref_s
+        )
         ignoring = ignoring or case.file.run.ignore_inequalities
         self.ignored = ignore_inequalities(self.model) if ignoring else None
         self.drive = Drive(self.model, case)
-        self.start: ConsistentStart = consistent_start(self.model, case)
+        self.start: ConsistentStart = consistent_start(self.model, case, seed)
         self.timestep_s = float(self.model.opt.timestep)
         self.steps = _steps(duration_s, self.timestep_s)
         self.published = PublishedValues(self.model, case, own=timestep_s is None)

@@ -18,6 +18,9 @@ from oarlock.solvers import REFERENCE, SolverSpec
 KEYFRAME = "start"
 """Name of the model's keyframe that a start begins from, where there is one; entries of [start] come on top."""
 
+DISTURBANCE = 0.05
+"""Standard deviation of what a seed adds to a start: of every coordinate in rad or m, of every velocity per s."""
+
 UNIT = 1e-3
 """A quaternion may miss the norm 1 by so much, as one of three digits does; more is a mistake, not rounding."""
 
@@ -68,11 +71,22 @@ def _cannot_close(model: mujoco.MjModel, data: mujoco.MjData, given: np.ndarray,
     return f"start of case '{case.name}' cannot be closed: {said}; {culprits(model, data, case.file.rank_cut)}"
 
 
-def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
+def _disturb(model: mujoco.MjModel, data: mujoco.MjData, seed: int) -> None:
+    moved, pushed = np.random.default_rng(seed).normal(scale=DISTURBANCE, size=(2, model.nv))
+    mujoco.mj_integratePos(model, data.qpos, moved, 1.0)
+    data.qvel += pushed
+
+
+def consistent_start(model: mujoco.MjModel, case: Case, seed: int | None = None) -> ConsistentStart:
     """Closes the loops of a case's start, then makes its velocities obey them.
 
     Positions by Newton steps in the metric of M, damped when they do not help (Levenberg–Marquardt); velocities by
     v − M⁻¹ Jᵀ A⁺ J v. Ranks are counted at the closed pose.
+
+    Args:
+        model: the case's, prepared.
+        case: whose start it is.
+        seed: disturbs the start before it is closed, with normal numbers of the deviation ``DISTURBANCE``.
 
     Raises:
         InputError: a name or a size is wrong, rows other than equality rows are active, or a loop cannot be closed.
@@ -86,6 +100,8 @@ def consistent_start(model: mujoco.MjModel, case: Case) -> ConsistentStart:
     Drive(model, case).apply(data)
     if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
         raise InputError(f"start of case '{case.name}' is not finite: qpos {data.qpos}, qvel {data.qvel}")
+    if seed is not None:
+        _disturb(model, data, seed)
 
     given = data.qpos.copy()
     require_rows(model, data)

@@ -13,12 +13,25 @@ from typing import Any
 
 from oarlock.aggregate import Verdict, judge
 from oarlock.cases import Case, load_case, model_names, variant_names
-from oarlock.errors import InputError, one_line
+from oarlock.errors import InputError, choose, few, one_line
+from oarlock.experiments import Task
 from oarlock.ledger import Ledger
 from oarlock.options import split_options
+from oarlock.point import KEYS
 from oarlock.provenance import OCCASION, inputs, occasion
 from oarlock.results import ResultFolder
 from oarlock.run import Results, case_document, expectations
+from oarlock.sweep import (
+    TABLE,
+    Axis,
+    folder_name,
+    missing,
+    plan_sweep,
+    same_swept,
+    sweep_document,
+    tasks_of,
+    write_table,
+)
 from oarlock.unit import Outcome, Unit, plan_units, run_unit
 from oarlock.workers import Workers, dispatch
 
@@ -35,6 +48,7 @@ class Member:
         units: what there is to do, finished or not.
         ledger: what was done.
         verdicts: what the case expects and its gates, once it was judged.
+        axes: what is swept; empty if it is the case's own experiments that are run.
     """
 
     asked: str
@@ -44,6 +58,7 @@ class Member:
     ledger: Ledger
     units: list[Unit] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
+    axes: tuple[Axis, ...] = ()
 
     @property
     def failures(self) -> list[Verdict]:
@@ -58,14 +73,22 @@ class Member:
 
 @dataclass
 class Suite:
-    """Cases with what was asked of them."""
+    """Cases with what was asked of them.
+
+    Attributes:
+        members: the cases.
+        repeated: units that had to be done.
+        axes: what is swept; empty if it is the cases' own experiments that are run.
+        skipped: name of a case → swept parameters that it does not have.
+    """
 
     members: list[Member]
     repeated: int = 0
-    """Units that had to be done."""
+    axes: tuple[Axis, ...] = ()
+    skipped: dict[str, list[str]] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
-        """The summary JSON of the contract, over all cases."""
+        """The summary JSON of the contract, over all cases. That of a sweep says what was swept."""
         documents = [_document(member) for member in self.members]
         documents = [document for document in documents if document]
         own = ("case", "model_sha256", "case_sha256")
@@ -75,6 +98,7 @@ class Suite:
         cases = {d["provenance"]["case"]: {k: d["provenance"][k] for k in own[1:]} for d in documents}
         return {
             "provenance": {**common, "cases": cases},
+            **({"sweep": [axis.document() for axis in self.axes]} if self.axes else {}),
             "runs": [row for document in documents for row in document["runs"]],
             "gates": [{"case": d["provenance"]["case"], **gate} for d in documents for gate in d["gates"]],
             "failures": [
@@ -92,7 +116,7 @@ def failed(member: Member) -> dict[str, str]:
 
 def _document(member: Member) -> dict[str, Any] | None:
     try:
-        return member.folder.read_json("summary.json") if member.ledger.rows() else None
+        return member.folder.read_json("summary.json") if member.ledger.rows(sweep=bool(member.axes)) else None
     except InputError:
         return None
 
@@ -137,24 +161,46 @@ def _slug(asked: str, case: Case | None) -> str:
     return case.slug if case else Path(asked).stem if asked.endswith((".xml", ".py")) else Path(asked).name
 
 
-def plan_suite(models: Sequence[str], out: Path) -> Suite:
+def plan_suite(models: Sequence[str], out: Path, axes: tuple[Axis, ...] = ()) -> Suite:
     """The suite of some models, or of all that there are, with what ``out`` holds of it.
 
+    With ``axes`` it is the sweep of each that is planned, instead of its own experiments: in a folder within that of
+    its results, so that neither knows of the other. Models that lack a parameter are left out, and so are variants
+    that differ from a model before them in nothing but what is swept.
+
     Raises:
-        InputError: no such model, or two of one name. A case that is at fault is refused by itself.
+        InputError: no such model, two of one name, or a sweep that none of them can have. A case that is at fault is
+            refused by itself.
     """
-    members = []
+    suite = Suite([], axes=axes)
+    known, swept = dict.fromkeys(KEYS), set()
     for asked, case, refused in asked_for(models):
         slug = _slug(asked, case)
-        member = Member(asked, case.name if case else slug, case, refused, Ledger.read(out / slug))
+        if axes and case:
+            known.update(dict.fromkeys(case.parameters))
+            lacking, same = missing(case, axes), same_swept(case, axes)
+            if lacking:
+                suite.skipped[case.name] = lacking
+            if lacking or same in swept:
+                continue
+            swept.add(same)
+        path = out / slug / folder_name(axes) if axes else out / slug
+        member = Member(asked, case.name if case else slug, case, refused, Ledger.read(path), axes=axes)
         member.ledger.case = member.name
+        tasks: list[Task] = []
         if case:
             try:
-                member.units = plan_units(asked, case)
+                member.units, tasks = ([], tasks_of(case)) if axes else (plan_units(asked, case), [])
             except InputError as error:
                 member.refused = one_line(error)
-        members.append(member)
-    return Suite(members)
+        if case and tasks:
+            member.units = plan_sweep(asked, case, axes, tasks)
+        suite.members.append(member)
+    if suite.skipped and not any(member.case for member in suite.members):
+        for key in (key for lacking in suite.skipped.values() for key in lacking):
+            choose("key of --sweep", key, list(known))
+        raise InputError(f"no model here has {few([axis.key for axis in axes])}, expected keys that go together")
+    return suite
 
 
 def carry_out(suite: Suite, workers: Workers, *, fresh: bool = False, listener: Listener | None = None) -> None:
@@ -191,17 +237,30 @@ def carry_out(suite: Suite, workers: Workers, *, fresh: bool = False, listener: 
 
 
 def collate(member: Member, moment: dict[str, Any]) -> None:
-    """Judges a case on its finished units and writes ``case.json`` and ``summary.json``, where they would change."""
+    """Judges a case on its finished units and writes ``case.json`` and ``summary.json``, where they would change.
+
+    Of a sweep, which no gate bounds, ``summary.json`` and the table.
+    """
     ledger, case = member.ledger, member.case
     if case is not None and not member.refused:
         ledger.settle(member.units)
         try:
-            _judge(member, case, moment)
+            if member.axes:
+                _tabulate(member, case, moment)
+            else:
+                _judge(member, case, moment)
         except InputError as error:
             member.refused = one_line(error)
     if ledger.refused != member.refused or member.refused:
         ledger.refused = member.refused
         ledger.write()
+
+
+def _tabulate(member: Member, case: Case, moment: dict[str, Any]) -> None:
+    document = sweep_document(member.ledger, member.units, case, member.axes, {**inputs(case), **moment})
+    if document["runs"] or document["failures"]:
+        _write_changed(member.folder, "summary.json", document)
+        write_table(document, member.folder.path / TABLE)
 
 
 def _judge(member: Member, case: Case, moment: dict[str, Any]) -> None:

@@ -11,8 +11,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
-from oarlock.pages import write_pages
+from oarlock.errors import few
+from oarlock.pages import write_pages, write_sweep_pages
 from oarlock.suite import Listener, Suite, carry_out, failed, plan_suite, status_of
+from oarlock.sweep import TABLE, parse_axes
 from oarlock.workers import LocalWorkers
 
 
@@ -38,10 +40,12 @@ class _BarListener(Listener):
 
 
 def run_suite(
-    models: Sequence[str], *, jobs: int | None, out: Path, report: Path, fresh: bool
+    models: Sequence[str], *, jobs: int | None, out: Path, report: Path, fresh: bool, sweep: Sequence[str] = ()
 ) -> tuple[int, dict[str, Any]]:
     """Runs a suite, writes its report, says what did not hold; gives the exit status and the summary."""
-    suite = plan_suite(models, out)
+    suite = plan_suite(models, out, parse_axes(sweep))
+    for name, lacking in suite.skipped.items():
+        _say(f"skipped: {name} has no parameter {few(lacking)}")
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with (
@@ -51,8 +55,14 @@ def run_suite(
         listener = _BarListener(bar)
         carry_out(suite, workers, fresh=fresh, listener=listener)
         folders = [member.folder.path for member in suite.members]
-        unwritten = write_pages(out, folders, report, workers, listener, every=not models)
+        if suite.axes:
+            unwritten = write_sweep_pages(out, folders, report, workers, listener)
+        else:
+            unwritten = write_pages(out, folders, report, workers, listener, every=not models)
     _say_what_failed(suite)
+    for table in (member.folder.path / TABLE for member in suite.members if suite.axes):
+        if table.is_file():
+            _say(f"table: {table}")
     for message in unwritten:
         _say(f"page not written: {message}")
     return max(status_of(suite), 2 if unwritten else 0), suite.document()

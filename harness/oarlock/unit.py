@@ -6,6 +6,7 @@ nothing behind.
 
 import io
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from oarlock.aggregate import summarise
 from oarlock.case_file import Form
 from oarlock.cases import Case, load_case
 from oarlock.errors import InputError, one_line
-from oarlock.experiments import Laboratory, Task, run_key
+from oarlock.experiments import Laboratory, Setup, Task, run_key
+from oarlock.point import OWN, SEED, SOLREF, TIMESTEP, Point
 from oarlock.results import RunResult
 from oarlock.run import Request, describe, plan
 from oarlock.sketch import sketch
@@ -35,7 +37,7 @@ class Unit:
         digest: of all that it hangs on.
         cost: guess of its duration, for the order of the units only.
         first: whether it also describes the model.
-        timestep_s: timestep of a run of the sweep; None for the case's own.
+        point: of a sweep; the case's own runs have an empty one.
     """
 
     case: str
@@ -44,12 +46,12 @@ class Unit:
     digest: str
     cost: float
     first: bool = False
-    timestep_s: float | None = None
+    point: Point = OWN
 
     @property
     def name(self) -> str:
         """Unique within its case."""
-        return self.runs[0] if self.timestep_s is None else f"{self.runs[0]}-at-{self.timestep_s:g}-s"
+        return f"{self.runs[0]}-at-{self.point}" if self.point else self.runs[0]
 
     @property
     def label(self) -> str:
@@ -66,7 +68,7 @@ class Outcome:
         status: ``done``, ``refused`` (bad input) or ``failed`` (anything else).
         message: why it was not done.
         seconds: time it took.
-        rows: a summary row a run.
+        rows: a summary row a run; at a point of a sweep with the point, and the size of the model there.
         files: name within the folder of results → contents: the tables, and from the first unit the truth.
         model: description of the model, from the first unit.
         sketch: its drawing, from the first unit.
@@ -92,32 +94,54 @@ def plan_units(asked: str, case: Case) -> list[Unit]:
     inputs = digest.of_case(case)
     units: list[Unit] = []
     taken: set[str] = set()
-
-    def add(task: Task, timestep_s: float | None = None) -> None:
-        runs = run_names(case, task)
-        if timestep_s is None:
-            new = tuple(name for name in runs if name not in taken)
-            if not new:
-                return
-            taken.update(new)
-            runs = new
-        mark = digest.of_document([inputs, repr(task), runs, timestep_s, not units])
-        units.append(Unit(asked, task, runs, mark, _cost(case, task, timestep_s), not units, timestep_s))
-
     for task in plan(case, Request()):
         for walk in _walks(task):
-            add(walk)
+            new = tuple(name for name in run_names(case, walk) if name not in taken)
+            taken.update(new)
+            if new:
+                mark = _mark(inputs, walk, new, not units)
+                units.append(Unit(asked, walk, new, mark, _cost(case, walk, None), not units))
     sweep = case.file.sweep
     if sweep and case.parameters == case.file.parameters:
-        for timestep_s in sweep.timesteps_s:
-            for integrator in sweep.integrators:
-                base = Task("free", SolverSpec(MUJOCO), ("hard",), (), integrator, "default")
-                for text in sweep.solvers:
-                    add(replace(base, solvers=(SolverSpec.parse(text),)), timestep_s)
-                for settings in sweep.settings:
-                    case.file.setting(settings)
-                    add(replace(base, solvers=(SolverSpec(MUJOCO),), settings=settings), timestep_s)
+        points = [Point(((TIMESTEP, timestep_s),)) for timestep_s in sweep.timesteps_s]
+        tasks = []
+        for integrator in sweep.integrators:
+            base = Task("free", SolverSpec(MUJOCO), ("hard",), (), integrator, "default")
+            tasks += [replace(base, solvers=(SolverSpec.parse(text),)) for text in sweep.solvers]
+            for settings in sweep.settings:
+                case.file.setting(settings)
+                tasks.append(replace(base, solvers=(SolverSpec(MUJOCO),), settings=settings))
+        units += units_at(asked, case, points, tasks)
     return units
+
+
+def units_at(asked: str, case: Case, points: Sequence[Point], tasks: Sequence[Task]) -> list[Unit]:
+    """A unit a point and task of one walk, in this order.
+
+    Raises:
+        InputError: a parameter that the case does not have, or a fraction where an integer is expected.
+    """
+    inputs = digest.of_case(case)
+    units = []
+    for point in points:
+        here = point.of(case)
+        there = _inputs_at(inputs, case, point)
+        for task in tasks:
+            runs = run_names(case, task)
+            cost = _cost(here, task, point.get(TIMESTEP))
+            units.append(Unit(asked, task, runs, _mark(there, task, runs, False), cost, point=point))
+    return units
+
+
+def _inputs_at(inputs: str, case: Case, point: Point) -> str:
+    """The digest of a case at a point, from that of the case: other parameters may have a truth of their own."""
+    here = point.of(case)
+    other = here.truth_path if here.parameters != case.parameters else None
+    return digest.of_document([inputs, point.values, other and digest.of_file(other)]) if point else inputs
+
+
+def _mark(inputs: str, task: Task, runs: tuple[str, ...], first: bool) -> str:
+    return digest.of_document([inputs, repr(task), runs, first])
 
 
 def _walks(task: Task) -> list[Task]:
@@ -169,21 +193,47 @@ def _run(unit: Unit) -> Outcome:
     case = load_case(unit.case)
     if unit.digest != expected_digest(unit, case):
         raise InputError(f"'{case.name}' is not what it was when the suite was planned: files or versions differ")
-    laboratory = Laboratory(case, unit.timestep_s, case.file.run.duration_s, lambda _steps: None)
+    laboratory = _laboratory(case, unit.point)
     results = [result for result in laboratory.run(unit.task) if result.key.slug in unit.runs]
     found = tuple(result.key.slug for result in results)
     if found != unit.runs:
         raise RuntimeError(f"gave the runs {found}, planned were {unit.runs}")
     rows = [summarise(result) for result in results]
-    if unit.timestep_s is not None:
-        return Outcome("done", rows=rows)
+    if unit.point:
+        size = _size(laboratory.setup(unit.task.integrator, unit.task.settings))
+        point = dict(unit.point.values)
+        return Outcome("done", rows=[{"run": row["run"], "point": point, **size, **row} for row in rows])
     outcome = Outcome("done", rows=rows, files={f"steps/{r.key.slug}.parquet": _parquet(r.table()) for r in results})
     return _described(outcome, laboratory, unit.task, results[0]) if unit.first else outcome
 
 
 def expected_digest(unit: Unit, case: Case) -> str:
     """The unit's digest, computed anew from the files and versions that are here."""
-    return digest.of_document([digest.of_case(case), repr(unit.task), unit.runs, unit.timestep_s, unit.first])
+    inputs = _inputs_at(digest.of_case(case), case, unit.point)
+    return _mark(inputs, unit.task, unit.runs, unit.first)
+
+
+def _laboratory(case: Case, point: Point) -> Laboratory:
+    timestep_s, duration_s = point.get(TIMESTEP), case.file.run.duration_s
+    if timestep_s is not None and timestep_s > duration_s:
+        raise InputError(
+            f"timestep = {timestep_s:g} s is longer than the duration of {duration_s:g} s, expected at least one step"
+        )
+    return Laboratory(
+        point.of(case),
+        timestep_s,
+        duration_s,
+        lambda _steps: None,
+        solref_s=point.get(SOLREF),
+        seed=point.get(SEED),
+    )
+
+
+def _size(setup: Setup) -> dict[str, Any]:
+    """What a point makes of the model and of its start."""
+    start = setup.start
+    size = {"nv": int(setup.model.nv), "rows": start.rows, "rank": start.rank, "dof": start.dof}
+    return {**size, "closing_moved": start.moved}
 
 
 def _described(outcome: Outcome, laboratory: Laboratory, task: Task, result: RunResult) -> Outcome:
