@@ -16,9 +16,10 @@ import mujoco
 import numpy as np
 
 from oarlock.errors import InputError
-from oarlock.kinematics import Kinematics, Point, cross
+from oarlock.kinematics import Kinematics, Point
 from oarlock.mechanism import Equality, equalities
 from oarlock.tendons import Tendon
+from oarlock.vectors import Quaternion, conjugate, cross, dot, horner, minus, plus, product, times
 
 
 class _Rows(Protocol):
@@ -26,8 +27,11 @@ class _Rows(Protocol):
 
     count: int
 
-    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        """Writes J̇v (count)."""
+    def differentiate(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        """Writes a J̇ (count, nv) that ``finish`` needs the product of with v."""
+
+    def finish(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        """Makes that product (count) into J̇v of the rows."""
 
 
 class _Connect:
@@ -36,35 +40,34 @@ class _Connect:
     def __init__(self, kinematics: Kinematics, ends: tuple[Point, Point]):
         self._kinematics, self._ends = kinematics, ends
 
-    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        self._kinematics.bend_apart(data, *self._ends, out)
+    def differentiate(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        self._kinematics.points_apart(data, self._ends, out)
+
+    def finish(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        pass
 
 
 class _Weld:
     count = 6
 
-    def __init__(self, kinematics: Kinematics, ends: tuple[Point, Point], turns: tuple[np.ndarray, np.ndarray], scale):
+    def __init__(
+        self, kinematics: Kinematics, ends: tuple[Point, Point], turns: tuple[Quaternion, Quaternion], scale: float
+    ):
         self._kinematics, self._ends, self._turns = kinematics, ends, turns
-        self._half_scale = 0.5 * float(scale)
-        self._quats = np.zeros(4), np.zeros(4)
-        self._product = np.zeros(4)
+        self._half_scale = 0.5 * scale
 
-    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        kinematics = self._kinematics
-        end1, end2 = self._ends
-        linear1, angular1 = kinematics.bends(data, end1.body, end1.place(data))
-        linear2, angular2 = kinematics.bends(data, end2.body, end2.place(data))
-        out[:3] = linear1 - linear2
-        spin1, spin2 = kinematics.spin(data, end1.body), kinematics.spin(data, end2.body)
-        apart = spin1 - spin2
-        middle = np.array([-0.5 * (apart @ apart), *(angular1 - angular2 + cross(spin1, spin2))])
-        quat1, quat2 = self._quats
-        for quat, end, turn in zip(self._quats, self._ends, self._turns, strict=True):
-            mujoco.mju_mulQuat(quat, data.xquat[end.body], turn)
-        mujoco.mju_negQuat(quat2, quat2)
-        mujoco.mju_mulQuat(self._product, middle, quat1)
-        mujoco.mju_mulQuat(quat1, quat2, self._product)
-        out[3:] = self._half_scale * quat1[1:]
+    def differentiate(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        self._kinematics.bodies_apart(data, self._ends, out)
+
+    def finish(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        spin1, spin2 = (self._kinematics.spin(data, end.body) for end in self._ends)
+        apart = minus(spin1, spin2)
+        x, y, z = plus(out[3:].tolist(), cross(spin1, spin2))
+        quat1, quat2 = (
+            product(data.xquat[end.body].tolist(), turn) for end, turn in zip(self._ends, self._turns, strict=True)
+        )
+        turned = product(conjugate(quat2), product((-0.5 * dot(apart, apart), x, y, z), quat1))
+        out[3:] = [self._half_scale * entry for entry in turned[1:]]
 
 
 class _Coupling:
@@ -73,15 +76,20 @@ class _Coupling:
     count = 1
 
     def __init__(self, coefficients: np.ndarray, coupled: bool):
-        polynomial = np.polynomial.Polynomial(coefficients)
-        self._first, self._second = polynomial.deriv(1), polynomial.deriv(2)
+        _, *linear = coefficients.tolist()
+        self._first = [power * coefficient for power, coefficient in enumerate(linear, 1)]
+        self._second = [power * coefficient for power, coefficient in enumerate(self._first[1:], 1)]
         self._coupled = coupled
 
-    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        out[0] = self._bend(data, 0)
+    def differentiate(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        pass
+
+    def finish(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        bend = self._bend(data, 0)
         if self._coupled:
             x, rate = self._argument(data)
-            out[0] -= self._first(x) * self._bend(data, 1) + self._second(x) * rate * rate
+            bend -= horner(self._first, x) * self._bend(data, 1) + horner(self._second, x) * rate * rate
+        out[0] = bend
 
     def _bend(self, data: mujoco.MjData, end: int) -> float:
         raise NotImplementedError
@@ -130,10 +138,10 @@ def _ends(model: mujoco.MjModel, equality: Equality) -> tuple[Point, Point]:
 
 def _weld(model: mujoco.MjModel, equality: Equality, kinematics: Kinematics) -> _Weld:
     if equality.sites:
-        turns = model.site_quat[equality.sites[0]].copy(), model.site_quat[equality.sites[1]].copy()
+        turns = model.site_quat[equality.sites[0]].tolist(), model.site_quat[equality.sites[1]].tolist()
     else:
-        turns = model.eq_data[equality.index, 6:10].copy(), np.array([1.0, 0.0, 0.0, 0.0])
-    return _Weld(kinematics, _ends(model, equality), turns, model.eq_data[equality.index, 10])
+        turns = model.eq_data[equality.index, 6:10].tolist(), (1.0, 0.0, 0.0, 0.0)
+    return _Weld(kinematics, _ends(model, equality), turns, float(model.eq_data[equality.index, 10]))
 
 
 class Curvature:
@@ -161,6 +169,7 @@ class Curvature:
                 self._unknown[index] = equality
                 if data.eq_active[index]:
                     self._refuse(index)
+        self._rates = np.zeros((sum(rows.count for rows in self._rows.values()), model.nv))
 
     def _refuse(self, index: int) -> None:
         equality = self._unknown[index]
@@ -179,13 +188,19 @@ class Curvature:
         """
         start, end = 0, data.ne
         indices = data.efc_id
+        found: list[tuple[_Rows, int, int]] = []
         while start < end:
             index = int(indices[start])
             rows = self._rows.get(index)
             if rows is None:
                 return self._refuse(index)
-            rows.write(data, out[start : start + rows.count])
-            start += rows.count
+            stop = start + rows.count
+            rows.differentiate(data, self._rates[start:stop])
+            found.append((rows, start, stop))
+            start = stop
+        out[:] = times(self._rates[:end], data.qvel)
+        for rows, start, stop in found:
+            rows.finish(data, out[start:stop])
         return None
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from oarlock.vectors import Vector, cross, minus, plus, times
+
 
 @dataclass(frozen=True)
 class Point:
@@ -18,14 +20,7 @@ class Point:
         """In world coordinates, (3), m."""
         if self.site is not None:
             return data.site_xpos[self.site]
-        return data.xpos[self.body] + data.xmat[self.body].reshape(3, 3) @ self.offset
-
-
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The product a × b of two vectors (3); many times faster than NumPy's."""
-    product = np.zeros(3)
-    mujoco.mju_cross(product, a, b)
-    return product
+        return data.xpos[self.body] + times(data.xmat[self.body].reshape(3, 3), self.offset)
 
 
 class Kinematics:
@@ -37,32 +32,39 @@ class Kinematics:
 
     def __init__(self, model: mujoco.MjModel):
         self._model = model
-        self._linear, self._angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-        self._linear2 = np.zeros((3, model.nv))
+        self._roots = model.body_rootid.tolist()
+        self._linear, self._angular = np.zeros((2, 3, model.nv)), np.zeros((2, 3, model.nv))
 
-    def spin(self, data: mujoco.MjData, body: int) -> np.ndarray:
-        """Angular velocity of a body, world axes, (3), rad/s."""
-        return data.cvel[body, :3]
+    def spin(self, data: mujoco.MjData, body: int) -> Vector:
+        """Angular velocity of a body, world axes, rad/s."""
+        x, y, z, *_ = data.cvel[body].tolist()
+        return x, y, z
 
-    def velocity(self, data: mujoco.MjData, body: int, place: np.ndarray) -> np.ndarray:
-        """Velocity of the body's point at a place, (3), m/s."""
+    def velocity(self, data: mujoco.MjData, body: int, place: Vector) -> Vector:
+        """Velocity of the body's point at a place, m/s."""
         # cvel is the velocity at the centre of mass of the kinematic tree.
-        arm = place - data.subtree_com[self._model.body_rootid[body]]
-        return data.cvel[body, 3:] + cross(data.cvel[body, :3], arm)
+        spin_x, spin_y, spin_z, x, y, z = data.cvel[body].tolist()
+        arm = minus(place, data.subtree_com[self._roots[body]].tolist())
+        return plus((x, y, z), cross((spin_x, spin_y, spin_z), arm))
 
-    def bend(self, data: mujoco.MjData, body: int, place: np.ndarray) -> np.ndarray:
-        """J̇v of the body's point at a place, (3), m/s²."""
-        mujoco.mj_jacDot(self._model, data, self._linear, None, place, body)
-        return self._linear @ data.qvel
+    def bend(self, data: mujoco.MjData, body: int, place: np.ndarray) -> Vector:
+        """J̇v of the body's point at a place (3), m/s²."""
+        linear = self._linear[0]
+        mujoco.mj_jacDot(self._model, data, linear, None, place, body)
+        x, y, z = times(linear, data.qvel).tolist()
+        return x, y, z
 
-    def bend_apart(self, data: mujoco.MjData, end1: Point, end2: Point, out: np.ndarray) -> None:
-        """Writes J̇v of p₁ − p₂, (3), m/s²."""
-        mujoco.mj_jacDot(self._model, data, self._linear, None, end1.place(data), end1.body)
-        mujoco.mj_jacDot(self._model, data, self._linear2, None, end2.place(data), end2.body)
-        # The difference first: a point and one that moves with it leave exactly nothing.
-        np.matmul(self._linear - self._linear2, data.qvel, out=out)
+    def points_apart(self, data: mujoco.MjData, ends: tuple[Point, Point], out: np.ndarray) -> None:
+        """Writes J̇ of p₁ − p₂, (3, nv)."""
+        linear1, linear2 = self._linear
+        mujoco.mj_jacDot(self._model, data, linear1, None, ends[0].place(data), ends[0].body)
+        mujoco.mj_jacDot(self._model, data, linear2, None, ends[1].place(data), ends[1].body)
+        # The difference before the product with v: a point and one that moves with it leave exactly nothing.
+        np.subtract(linear1, linear2, out)
 
-    def bends(self, data: mujoco.MjData, body: int, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """J̇v of the body's point at a place, (3), m/s², and of the body's rotation, (3), rad/s²."""
-        mujoco.mj_jacDot(self._model, data, self._linear, self._angular, place, body)
-        return self._linear @ data.qvel, self._angular @ data.qvel
+    def bodies_apart(self, data: mujoco.MjData, ends: tuple[Point, Point], out: np.ndarray) -> None:
+        """Writes J̇ of p₁ − p₂ and of ω₁ − ω₂, (6, nv)."""
+        for end, linear, angular in zip(ends, self._linear, self._angular, strict=True):
+            mujoco.mj_jacDot(self._model, data, linear, angular, end.place(data), end.body)
+        np.subtract(self._linear[0], self._linear[1], out[:3])
+        np.subtract(self._angular[0], self._angular[1], out[3:])

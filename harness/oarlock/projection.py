@@ -16,6 +16,7 @@ import numpy as np
 from oarlock._core import ConstrainedSystem
 from oarlock.mechanism import closing_jacobian
 from oarlock.solvers import SolverSpec
+from oarlock.vectors import times
 
 TRACKED = SolverSpec("sr1-tracked", (("predict", 0.0),))
 """The projector's own solver: A⁺ carried from step to step, every solve started from A⁺ b, for residuals are noise and
@@ -141,13 +142,13 @@ class Projector:
 
     def _velocities(self, data: mujoco.MjData) -> None:
         jacobian = closing_jacobian(self.model, data)
-        rate = jacobian @ data.qvel
+        rate = times(jacobian, data.qvel)
         error = np.abs(rate).max(initial=0.0)
         for _ in range(MAX_ROUNDS):
-            if error <= _EPSILON * (np.abs(jacobian) @ np.abs(data.qvel)).max(initial=0.0):
+            if error <= _EPSILON * times(np.abs(jacobian), np.abs(data.qvel)).max(initial=0.0):
                 return
             changed = data.qvel + self.correction(data, -rate)
-            rate = jacobian @ changed
+            rate = times(jacobian, changed)
             after = np.abs(rate).max()
             if not after < error:
                 return

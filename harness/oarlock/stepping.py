@@ -4,6 +4,7 @@ The Python path: readable, and the oracle of any faster one. ``Walker.step`` lea
 ``Walker.look`` makes everything that belongs to the present state valid, the acceleration included.
 """
 
+import math
 from typing import Protocol
 
 import mujoco
@@ -11,8 +12,8 @@ import numpy as np
 
 from oarlock.drive import Drive
 from oarlock.errors import InputError
-from oarlock.mechanism import jacobian
 from oarlock.projection import Projector
+from oarlock.vectors import Vector, cross, dot, plus, scaled
 
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
@@ -160,34 +161,42 @@ class ForcedWalker:
             data.time = time + fraction * step
             self.look()
             velocities[stage], accelerations[stage] = data.qvel, data.qacc
-            if len(turns):
-                velocities[stage, turns] = _rotation_vector_rate(moved[turns], data.qvel[turns])
-        weights = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0
+            for turn in turns:
+                velocities[stage, turn] = _rotation_vector_rate(moved[turn].tolist(), data.qvel[turn].tolist())
         data.qpos[:] = self._qpos
-        mujoco.mj_integratePos(model, data.qpos, weights @ velocities, step)
-        data.qvel[:] = self._qvel + step * (weights @ accelerations)
+        mujoco.mj_integratePos(model, data.qpos, _mean(velocities), step)
+        data.qvel[:] = self._qvel + step * _mean(accelerations)
         data.time = time + step
 
 
-def _turns(model: mujoco.MjModel) -> np.ndarray:
-    """Addresses in qvel of the angular velocities of ball and free joints, (turns, 3)."""
+def _mean(stages: np.ndarray) -> np.ndarray:
+    """The tableau's mean (nv) of what the stages (4, nv) gave."""
+    first, second, third, fourth = stages
+    return (first + 2.0 * second + 2.0 * third + fourth) / 6.0
+
+
+def _turns(model: mujoco.MjModel) -> list[slice]:
+    """Where the angular velocities of ball and free joints are in qvel."""
     angular = {int(mujoco.mjtJoint.mjJNT_BALL): 0, int(mujoco.mjtJoint.mjJNT_FREE): 3}
     joints = zip(model.jnt_type.tolist(), model.jnt_dofadr.tolist(), strict=True)
     first = [address + angular[kind] for kind, address in joints if kind in angular]
-    return np.array(first, dtype=int).reshape(-1, 1) + np.arange(3)
+    return [slice(address, address + 3) for address in first]
 
 
-def _rotation_vector_rate(vector: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """u̇ (turns, 3) of rotation vectors u (turns, 3; rad) when q₀ exp(u) turns with ω (turns, 3; rad/s, body frame).
+def _rotation_vector_rate(vector: Vector, omega: Vector) -> Vector:
+    """u̇ of a rotation vector u (rad) when q₀ exp(u) turns with ω (rad/s, body frame).
 
     u̇ = ω + ½ u×ω + (1 − (θ/2) cot(θ/2))/θ² u×(u×ω), θ = |u|: the inverse of the exponential's right differential
     (Iserles, Munthe-Kaas, Nørsett and Zanna, Lie-group methods, 2000).
     """
-    square = np.sum(vector * vector, axis=1, keepdims=True)
-    half = 0.5 * np.sqrt(np.maximum(square, _SMALL_ANGLE**2))
-    bend = np.where(square > _SMALL_ANGLE**2, (1.0 - half / np.tan(half)) / (4.0 * half * half), 1.0 / 12.0)
-    first = np.cross(vector, omega)
-    return omega + 0.5 * first + bend * np.cross(vector, first)
+    square = dot(vector, vector)
+    bend = 1.0 / 12.0
+    if square > _SMALL_ANGLE * _SMALL_ANGLE:
+        half = 0.5 * math.sqrt(square)
+        cotangent = half / math.tan(half) if half < math.inf else math.nan
+        bend = (1.0 - cotangent) / (4.0 * half * half)
+    first = cross(vector, omega)
+    return plus(plus(omega, scaled(0.5, first)), scaled(bend, cross(vector, first)))
 
 
 class MujocoForce:
@@ -201,7 +210,6 @@ class MujocoForce:
         """Runs MuJoCo's solver, then computes Jᵀf and qacc_smooth + M⁻¹Jᵀf from its force alone."""
         model = self.model
         mujoco.mj_fwdConstraint(model, data)
-        force = data.efc_force.copy()
-        data.qfrc_constraint[:] = jacobian(model, data).T @ force
+        mujoco.mj_mulJacTVec(model, data, data.qfrc_constraint, data.efc_force)
         mujoco.mj_solveM(model, data, self._delta, data.qfrc_constraint[None, :])
         data.qacc[:] = data.qacc_smooth + self._delta[0]

@@ -8,13 +8,15 @@ them,
     ℓ = f(ρ₀) + f(ρ₁) + r γ,   f(ρ) = √(ρ² − r²) − r arccos(r/ρ),   and on a cylinder L = √(ℓ² + Δz²).
 """
 
+import math
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from oarlock.errors import InputError
-from oarlock.kinematics import Kinematics, cross
+from oarlock.kinematics import Kinematics
+from oarlock.vectors import Vector, cross, dot, minus, plus, scaled
 
 _SITE, _PULLEY = int(mujoco.mjtWrap.mjWRAP_SITE), int(mujoco.mjtWrap.mjWRAP_PULLEY)
 _JOINT, _CYLINDER = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_CYLINDER)
@@ -22,8 +24,8 @@ _JOINT, _CYLINDER = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_
 _ON_SITE = -1
 """What MuJoCo's path says of a point on a site; geoms have their id, pulleys −2."""
 
-_Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Place, velocity and acceleration at q̈ = 0 of an end, each (3), in a frame said where it is used."""
+_Motion = tuple[Vector, Vector, Vector]
+"""Place, velocity and acceleration at q̈ = 0 of an end, in a frame said where it is used."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,9 @@ class Tendon:
                 total += self._straight(data, piece, bodies) / piece.divisor
         return total
 
-    def _touches(self, data: mujoco.MjData) -> dict[int, np.ndarray]:
+    def _touches(self, data: mujoco.MjData) -> dict[int, Vector]:
         """Order of a piece that wraps its geom here → the point where it arrives on it."""
-        found: dict[int, np.ndarray] = {}
+        found: dict[int, Vector] = {}
         if all(piece.geom is None for piece in self._pieces):
             return found
         first, count = int(data.ten_wrapadr[self._index]), int(data.ten_wrapnum[self._index])
@@ -76,99 +78,104 @@ class Tendon:
             if item == _ON_SITE:
                 sites += 1
             elif item >= 0:
-                found.setdefault(sites, place)
+                found.setdefault(sites, tuple(place.tolist()))
         return found
 
     def _motion(self, data: mujoco.MjData, site: int, body: int) -> _Motion:
-        place = data.site_xpos[site]
+        at = data.site_xpos[site]
+        place = tuple(at.tolist())
         kinematics = self._kinematics
-        return place, kinematics.velocity(data, body, place), kinematics.bend(data, body, place)
+        return place, kinematics.velocity(data, body, place), kinematics.bend(data, body, at)
 
     def _straight(self, data: mujoco.MjData, piece: _Piece, bodies: list[int]) -> float:
         ends = [self._motion(data, site, body) for site, body in zip(piece.sites, bodies, strict=True)]
-        place, velocity, bend = (b - a for a, b in zip(*ends, strict=True))
-        return self._norm_bend(place, velocity, bend)
-
-    def _norm_bend(self, x: np.ndarray, v: np.ndarray, a: np.ndarray) -> float:
-        """Second derivative of |x|."""
-        length = float(np.sqrt(x @ x))
+        x, v, a = (minus(end1, end0) for end0, end1 in zip(*ends, strict=True))
+        length = math.sqrt(dot(x, x))
         if length < mujoco.mjMINVAL:
             raise InputError(f"tendon '{self._name}' has a piece of length 0, expected a length with a derivative")
-        rate = float(x @ v) / length
-        return (float(v @ v + x @ a) - rate * rate) / length
+        return _norm(x, v, a)[2]
 
-    def _wrapped(self, data: mujoco.MjData, piece: _Piece, bodies: list[int], touch: np.ndarray) -> float:
+    def _wrapped(self, data: mujoco.MjData, piece: _Piece, bodies: list[int], touch: Vector) -> float:
         model, kinematics, geom = self._model, self._kinematics, piece.geom
         assert geom is not None
-        body, centre, radius = int(model.geom_bodyid[geom]), data.geom_xpos[geom], float(model.geom_size[geom, 0])
-        axis = data.geom_xmat[geom].reshape(3, 3)[:, 2] if piece.cylinder else None
-        if piece.side is not None and np.linalg.norm(_across(data.site_xpos[piece.side] - centre, axis)) < radius:
-            geom_name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) or f"#{geom}"
-            raise InputError(
-                f"tendon '{self._name}' wraps inside geom '{geom_name}', expected its side site outside: "
-                "J̇v of a tendon inside a geom is not known"
-            )
+        body, radius = int(model.geom_bodyid[geom]), float(model.geom_size[geom, 0])
+        centre: Vector = tuple(data.geom_xpos[geom].tolist())
+        axis: Vector | None = tuple(data.geom_xmat[geom, 2::3].tolist()) if piece.cylinder else None
+        if piece.side is not None:
+            side = _across(minus(data.site_xpos[piece.side].tolist(), centre), axis)
+            if math.sqrt(dot(side, side)) < radius:
+                geom_name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) or f"#{geom}"
+                raise InputError(
+                    f"tendon '{self._name}' wraps inside geom '{geom_name}', expected its side site outside: "
+                    "J̇v of a tendon inside a geom is not known"
+                )
         spin = kinematics.spin(data, body)
         ends: list[_Motion] = []  # in the geom's frame, written in world axes
         for site, own in zip(piece.sites, bodies, strict=True):
             place, velocity, bend = self._motion(data, site, own)
-            velocity = velocity - kinematics.velocity(data, body, place)
-            bend = bend - kinematics.bend(data, body, place) - 2.0 * cross(spin, velocity)
-            ends.append((place - centre, velocity, bend))
+            velocity = minus(velocity, kinematics.velocity(data, body, place))
+            bend = minus(bend, kinematics.bend(data, body, data.site_xpos[site]))
+            ends.append((minus(place, centre), velocity, minus(bend, scaled(2.0, cross(spin, velocity)))))
+        arrival = minus(touch, centre)
         if axis is None:
-            return self._around(ends, radius, touch - centre, None)[2]
+            return self._around(ends, radius, arrival, None)[2]
         flat: list[_Motion] = [(_across(x, axis), _across(v, axis), _across(a, axis)) for x, v, a in ends]
-        length, rate, bend = self._around(flat, radius, touch - centre, axis)
-        rise, climb, heave = (float((b - a) @ axis) for a, b in zip(*ends, strict=True))
-        total = float(np.hypot(length, rise))
+        length, rate, bend = self._around(flat, radius, arrival, axis)
+        rise, climb, heave = (dot(minus(end1, end0), axis) for end0, end1 in zip(*ends, strict=True))
+        total = math.sqrt(length * length + rise * rise)
         total_rate = (length * rate + rise * climb) / total
         return (rate * rate + length * bend + climb * climb + rise * heave - total_rate * total_rate) / total
 
     def _around(
-        self, ends: list[_Motion], radius: float, touch: np.ndarray, axis: np.ndarray | None
+        self, ends: list[_Motion], radius: float, touch: Vector, axis: Vector | None
     ) -> tuple[float, float, float]:
         """ℓ, ℓ̇ and ℓ̈ of a path around a circle (axis given: all vectors but ``touch`` across it) or a sphere."""
         (x0, v0, a0), (x1, v1, a1) = ends
         normal = cross(x0, x1)
-        normal_rate = cross(v0, x1) + cross(x0, v1)
-        normal_bend = cross(a0, x1) + 2.0 * cross(v0, v1) + cross(x0, a1)
+        normal_rate = plus(cross(v0, x1), cross(x0, v1))
+        normal_bend = plus(plus(cross(a0, x1), scaled(2.0, cross(v0, v1))), cross(x0, a1))
         if axis is None:
-            sine = float(np.sqrt(normal @ normal))
-            if sine < mujoco.mjMINVAL:
+            if math.sqrt(dot(normal, normal)) < mujoco.mjMINVAL:
                 raise InputError(
                     f"tendon '{self._name}' runs straight over the centre of its sphere, where its path is undetermined"
                 )
-            sine_rate = float(normal @ normal_rate) / sine
-            sine_bend = (float(normal_rate @ normal_rate + normal @ normal_bend) - sine_rate * sine_rate) / sine
+            sine, sine_rate, sine_bend = _norm(normal, normal_rate, normal_bend)
             pole = normal
         else:
-            sine, sine_rate, sine_bend = (float(n @ axis) for n in (normal, normal_rate, normal_bend))
+            sine, sine_rate, sine_bend = dot(normal, axis), dot(normal_rate, axis), dot(normal_bend, axis)
             pole = axis
-        cosine, cosine_rate = float(x0 @ x1), float(v0 @ x1 + x0 @ v1)
-        cosine_bend = float(a0 @ x1 + 2.0 * (v0 @ v1) + x0 @ a1)
+        cosine, cosine_rate = dot(x0, x1), dot(v0, x1) + dot(x0, v1)
+        cosine_bend = dot(a0, x1) + 2.0 * dot(v0, v1) + dot(x0, a1)
         square = sine * sine + cosine * cosine
         turn = (sine_rate * cosine - sine * cosine_rate) / square
         square_rate = 2.0 * (sine * sine_rate + cosine * cosine_rate)
         turn_bend = (sine_bend * cosine - sine * cosine_bend - turn * square_rate) / square
         # The path starts towards where it arrives on the geom: that is the way round it goes.
-        way = 1.0 if cross(x0, touch) @ pole >= 0.0 else -1.0
-        angle = (way * float(np.arctan2(sine, cosine))) % (2.0 * np.pi)
+        way = 1.0 if dot(cross(x0, touch), pole) >= 0.0 else -1.0
+        angle = way * math.atan2(sine, cosine)
+        if angle < 0.0:
+            angle += 2.0 * math.pi
 
         length, rate, bend = radius * angle, radius * way * turn, radius * way * turn_bend
         for x, v, a in ends:
-            rho = float(np.sqrt(x @ x))
-            rho_rate = float(x @ v) / rho
-            rho_bend = (float(v @ v + x @ a) - rho_rate * rho_rate) / rho
-            free = float(np.sqrt(max(rho * rho - radius * radius, mujoco.mjMINVAL)))
-            length += free - radius * float(np.arccos(min(radius / rho, 1.0)))
+            rho, rho_rate, rho_bend = _norm(x, v, a)
+            free = math.sqrt(max(rho * rho - radius * radius, mujoco.mjMINVAL))
+            length += free - radius * math.acos(min(radius / rho, 1.0))
             rate += free / rho * rho_rate
             bend += free / rho * rho_bend + radius * radius / (rho * rho * free) * rho_rate * rho_rate
         return length, rate, bend
 
 
-def _across(vector: np.ndarray, axis: np.ndarray | None) -> np.ndarray:
+def _norm(x: Vector, v: Vector, a: Vector) -> tuple[float, float, float]:
+    """|x| with its first and second derivative; x is not 0."""
+    length = math.sqrt(dot(x, x))
+    rate = dot(x, v) / length
+    return length, rate, (dot(v, v) + dot(x, a) - rate * rate) / length
+
+
+def _across(vector: Vector, axis: Vector | None) -> Vector:
     """The part of a vector at right angles to an axis; all of it where there is none."""
-    return vector if axis is None else vector - (vector @ axis) * axis
+    return vector if axis is None else minus(vector, scaled(dot(vector, axis), axis))
 
 
 def _pieces(model: mujoco.MjModel, index: int) -> list[_Piece]:

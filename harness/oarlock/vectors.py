@@ -1,0 +1,69 @@
+"""Small vector algebra in which every rounding is written down.
+
+BLAS, NumPy's sums and MuJoCo's helpers choose by machine and build in which order they add and whether they fuse a
+product with a sum. Here both are fixed, so that the native stepping gives the same bits.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """The product (rows) of a matrix (rows, columns) and a vector (columns), each row summed from left to right."""
+    products = matrix * vector
+    if not products.size:
+        return np.zeros(len(products))
+    # Partial sums admit no other order.
+    return np.add.accumulate(products, 1, None, products)[:, -1]
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    """The sum a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    """The difference a − b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def scaled(factor: float, a: Vector) -> Vector:
+    """The multiple of a vector."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """The product a · b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """The product a × b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def conjugate(q: Quaternion) -> Quaternion:
+    """The quaternion q̄."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+def product(p: Quaternion, q: Quaternion) -> Quaternion:
+    """The product p q of two quaternions."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    )
+
+
+def horner(coefficients: Sequence[float], x: float) -> float:
+    """The polynomial c₀ + c₁ x + c₂ x² + … at a place."""
+    value = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        value = coefficient + value * x
+    return value
