@@ -18,8 +18,6 @@ from oarlock.vectors import Vector, cross, dot, plus, scaled
 _RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
 _EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 
-_SIXTH, _THIRD = 1.0 / 6.0, 1.0 / 3.0
-
 _SMALL_ANGLE = 1e-4
 """rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding."""
 
@@ -166,15 +164,15 @@ class ForcedWalker:
             for turn in turns:
                 velocities[stage, turn] = _rotation_vector_rate(moved[turn].tolist(), data.qvel[turn].tolist())
         data.qpos[:] = self._qpos
-        mujoco.mj_integratePos(model, data.qpos, _weighted(velocities), step)
-        data.qvel[:] = self._qvel + step * _weighted(accelerations)
+        mujoco.mj_integratePos(model, data.qpos, _mean(velocities), step)
+        data.qvel[:] = self._qvel + step * _mean(accelerations)
         data.time = time + step
 
 
-def _weighted(stages: np.ndarray) -> np.ndarray:
-    """The tableau's mean (nv) of what the stages (4, nv) gave, summed in their order, as MuJoCo does."""
+def _mean(stages: np.ndarray) -> np.ndarray:
+    """The tableau's mean (nv) of what the stages (4, nv) gave."""
     first, second, third, fourth = stages
-    return first * _SIXTH + second * _THIRD + third * _THIRD + fourth * _SIXTH
+    return (first + 2.0 * second + 2.0 * third + fourth) / 6.0
 
 
 def _turns(model: mujoco.MjModel) -> list[slice]:
@@ -193,9 +191,10 @@ def _rotation_vector_rate(vector: Vector, omega: Vector) -> Vector:
     """
     square = dot(vector, vector)
     bend = 1.0 / 12.0
-    if _SMALL_ANGLE * _SMALL_ANGLE < square < math.inf:
+    if square > _SMALL_ANGLE * _SMALL_ANGLE:
         half = 0.5 * math.sqrt(square)
-        bend = (1.0 - half / math.tan(half)) / (4.0 * half * half)
+        cotangent = half / math.tan(half) if half < math.inf else math.nan
+        bend = (1.0 - cotangent) / (4.0 * half * half)
     first = cross(vector, omega)
     return plus(plus(omega, scaled(0.5, first)), scaled(bend, cross(vector, first)))
 

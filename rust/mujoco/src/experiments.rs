@@ -8,11 +8,11 @@ use crate::drive::Drive;
 use crate::error::Error;
 use crate::force::{Answer, MujocoForce, SolvedForce, Tally};
 use crate::library::{Data, Integrator, with_controls};
-use crate::ordered::{largest, relative_difference};
 use crate::projection::Projector;
 use crate::run::{Experiment, Notes, Run, Setup, Snapshot};
 use crate::state::{Form, State};
 use crate::steps::Steps;
+use crate::vectors::{largest, relative_difference};
 use crate::walker::{ForcedWalker, is_finite};
 
 /// A solver of its own.

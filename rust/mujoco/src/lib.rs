@@ -5,12 +5,14 @@ pub mod drive;
 pub mod error;
 pub mod experiments;
 pub mod force;
+pub mod kinematics;
 pub mod library;
-pub mod ordered;
 pub mod projection;
 pub mod run;
 pub mod state;
 pub mod steps;
+pub mod tendon;
+pub mod vectors;
 pub mod walker;
 
 pub use error::Error;

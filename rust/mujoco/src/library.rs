@@ -53,6 +53,7 @@ struct ModelView {
     tendon_num: *const c_int,
     wrap_type: *const c_int,
     wrap_objid: *const c_int,
+    eq_active0: *const bool,
     qpos0: *const f64,
     geom_size: *const f64,
     site_quat: *const f64,
@@ -122,6 +123,7 @@ unsafe extern "C" {
     fn oarlock_make_data(model: *const c_void, data: *mut *mut c_void, message: *mut c_char) -> c_int;
     fn oarlock_delete_data(data: *mut c_void);
     fn oarlock_view_model(model: *const c_void, view: *mut ModelView);
+    fn oarlock_name(model: *const c_void, kind: c_int, index: c_int) -> *const c_char;
     fn oarlock_view_data(data: *mut c_void, view: *mut DataView);
     fn oarlock_view_rows(data: *mut c_void, view: *mut RowsView);
     fn oarlock_run(stage: c_int, model: *const c_void, data: *mut c_void, message: *mut c_char) -> c_int;
@@ -281,7 +283,7 @@ arrays! { Model,
     geom_bodyid: c_int = |m| size(m.view.ngeom);
     /// Body of each site, nsite.
     site_bodyid: c_int = |m| size(m.view.nsite);
-    /// mjtEq, neq.
+    /// mjtEq, neq: [`EQ_CONNECT`] and its like.
     eq_type: c_int = |m| size(m.view.neq);
     /// First element of each equality, neq.
     eq_obj1id: c_int = |m| size(m.view.neq);
@@ -289,11 +291,13 @@ arrays! { Model,
     eq_obj2id: c_int = |m| size(m.view.neq);
     /// mjtObj of both, neq.
     eq_objtype: c_int = |m| size(m.view.neq);
+    /// Whether each is switched on at first, neq.
+    eq_active0: bool = |m| size(m.view.neq);
     /// First piece of each tendon's path, ntendon.
     tendon_adr: c_int = |m| size(m.view.ntendon);
     /// Number of its pieces, ntendon.
     tendon_num: c_int = |m| size(m.view.ntendon);
-    /// mjtWrap, nwrap.
+    /// mjtWrap, nwrap: [`WRAP_JOINT`] and its like.
     wrap_type: c_int = |m| size(m.view.nwrap);
     /// Element of each piece, nwrap.
     wrap_objid: c_int = |m| size(m.view.nwrap);
@@ -311,8 +315,40 @@ arrays! { Model,
     wrap_prm: f64 = |m| size(m.view.nwrap);
 }
 
+/// mjtEq.
+pub const EQ_CONNECT: c_int = 0;
+/// mjtEq.
+pub const EQ_WELD: c_int = 1;
+/// mjtEq.
+pub const EQ_JOINT: c_int = 2;
+/// mjtEq.
+pub const EQ_TENDON: c_int = 3;
+
+/// mjtWrap.
+pub const WRAP_JOINT: c_int = 1;
+/// mjtWrap.
+pub const WRAP_PULLEY: c_int = 2;
+/// mjtWrap.
+pub const WRAP_SITE: c_int = 3;
+/// mjtWrap.
+pub const WRAP_CYLINDER: c_int = 5;
+
+/// Elements by kind: mjtObj.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Element {
+    /// `mjOBJ_GEOM`.
+    Geom = 5,
+    /// `mjOBJ_SITE`.
+    Site = 6,
+    /// `mjOBJ_EQUALITY`.
+    Equality = 17,
+    /// `mjOBJ_TENDON`.
+    Tendon = 18,
+}
+
 /// Numbers that an equality has in `eq_data`: mjNEQDATA.
-pub const EQ_DATA: usize = 11;
+pub const EQ_DATA: usize = 12;
 
 impl Model {
     /// A copy of the model at an address.
@@ -342,6 +378,21 @@ impl Model {
             )));
         }
         Ok(model)
+    }
+
+    /// Name of an element, or its number in `#` form where it has none.
+    #[must_use]
+    pub fn name(&self, kind: Element, index: usize) -> String {
+        let number = c_int::try_from(index).unwrap_or(-1);
+        // SAFETY: the function looks the number up in the model and reports no errors; a name is a string of the model's.
+        unsafe {
+            let name = oarlock_name(self.raw.as_ptr(), kind as c_int, number);
+            if name.is_null() {
+                format!("#{index}")
+            } else {
+                CStr::from_ptr(name).to_string_lossy().into_owned()
+            }
+        }
     }
 
     /// Number of positions.

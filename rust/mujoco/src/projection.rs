@@ -9,7 +9,7 @@ use oarlock_core::{ConstrainedSystem, MultiplierSolver, StepView, Wanted};
 
 use crate::error::Error;
 use crate::library::{Data, Model};
-use crate::ordered::{largest, times};
+use crate::vectors::{largest, sum, times};
 
 /// Newton's rounds square the gap: from a gap that is worth projecting, three reach rounding.
 const MAX_ROUNDS: i64 = 5;
@@ -190,12 +190,9 @@ impl Projector {
 
     /// Largest Σ |J| |v| of a row.
     fn largest_sum(&self, velocity: &[f64]) -> f64 {
-        let sum = |row: &[f64]| {
-            let mut products = row.iter().zip(velocity).map(|(entry, rate)| entry.abs() * rate.abs());
-            let first = products.next().unwrap_or(0.0);
-            products.fold(first, |sum, product| sum + product)
-        };
-        self.jacobian.chunks_exact(velocity.len()).map(sum).fold(0.0, f64::max)
+        let row_sum =
+            |row: &[f64]| sum(row.iter().zip(velocity).map(|(entry, rate)| entry.abs() * rate.abs()));
+        self.jacobian.chunks_exact(velocity.len()).map(row_sum).fold(0.0, f64::max)
     }
 
     /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ.

@@ -9,9 +9,9 @@ use rayon::prelude::*;
 use crate::drive::Drive;
 use crate::error::Error;
 use crate::library::{Data, Model};
-use crate::ordered::{largest, times};
 use crate::state::{Baumgarte, State};
 use crate::steps::{Column, Steps};
+use crate::vectors::{largest, times};
 use crate::walker::is_finite;
 
 /// What an outside truth speaks of.

@@ -21,7 +21,7 @@ static void* symbol(void* library, const char* name) { return dlsym(library, nam
   X(mj_copyModel) X(mj_deleteModel) X(mj_makeData) X(mj_deleteData) X(mj_isSparse) X(mj_version) X(mj_step)         \
   X(mj_forward) X(mj_fwdPosition) X(mj_fwdVelocity) X(mj_fwdActuation) X(mj_fwdAcceleration) X(mj_fwdConstraint)   \
   X(mj_RungeKutta) X(mj_Euler) X(mj_implicit) X(mj_energyPos) X(mj_energyVel) X(mj_fullM) X(mj_solveM)             \
-  X(mj_jacDot) X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacVec) X(mj_mulJacTVec)
+  X(mj_jacDot) X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacVec) X(mj_mulJacTVec) X(mj_id2name)
 
 // The handler of one thread only: not in the public headers, but what MuJoCo's own bindings trap errors with. Its type
 // is checked by use; the library is of exactly the version of the headers.
@@ -101,10 +101,13 @@ void oarlock_view_model(const mjModel* m, oarlock_model* view) {
     .eq_type = m->eq_type, .eq_obj1id = m->eq_obj1id, .eq_obj2id = m->eq_obj2id, .eq_objtype = m->eq_objtype,
     .tendon_adr = m->tendon_adr, .tendon_num = m->tendon_num, .wrap_type = m->wrap_type,
     .wrap_objid = m->wrap_objid, .qpos0 = m->qpos0, .geom_size = m->geom_size, .site_quat = m->site_quat,
-    .eq_data = m->eq_data, .tendon_length0 = m->tendon_length0, .wrap_prm = m->wrap_prm,
+    .eq_data = m->eq_data, .eq_active0 = m->eq_active0, .tendon_length0 = m->tendon_length0, .wrap_prm = m->wrap_prm,
     .extent = m->stat.extent, .center = {m->stat.center[0], m->stat.center[1], m->stat.center[2]},
   };
 }
+
+// NULL where the element has no name.
+const char* oarlock_name(const mjModel* m, int type, int id) { return api.mj_id2name(m, type, id); }
 
 void oarlock_view_data(mjData* d, oarlock_data* view) {
   *view = (oarlock_data){

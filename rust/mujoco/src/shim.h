@@ -15,6 +15,7 @@ typedef struct {
   double timestep;
   const int *body_rootid, *jnt_type, *jnt_qposadr, *jnt_dofadr, *geom_bodyid, *site_bodyid;
   const int *eq_type, *eq_obj1id, *eq_obj2id, *eq_objtype, *tendon_adr, *tendon_num, *wrap_type, *wrap_objid;
+  const mjtBool* eq_active0;
   const double *qpos0, *geom_size, *site_quat, *eq_data, *tendon_length0, *wrap_prm;
   double extent, center[3];
 } oarlock_model;
@@ -47,6 +48,12 @@ enum {
   OARLOCK_ENERGY,
   OARLOCK_STEP,
 };
+
+// Kinds whose numbers library.rs knows.
+_Static_assert(mjOBJ_GEOM == 5 && mjOBJ_SITE == 6 && mjOBJ_EQUALITY == 17 && mjOBJ_TENDON == 18, "mjtObj");
+_Static_assert(mjEQ_CONNECT == 0 && mjEQ_WELD == 1 && mjEQ_JOINT == 2 && mjEQ_TENDON == 3, "mjtEq");
+_Static_assert(mjWRAP_JOINT == 1 && mjWRAP_PULLEY == 2 && mjWRAP_SITE == 3 && mjWRAP_CYLINDER == 5, "mjtWrap");
+_Static_assert(mjNEQDATA == 12 && sizeof(mjtBool) == 1, "mjmodel.h");
 
 // Writes ctrl at a time; mirrored in library.rs.
 typedef void (*oarlock_control)(void* self, double time, double* ctrl);

@@ -8,14 +8,11 @@ use crate::drive::Drive;
 use crate::error::Error;
 use crate::force::ForceLaw;
 use crate::library::{Data, Integrator, Model};
-use crate::ordered::largest;
 use crate::projection::Projector;
+use crate::vectors::{Vector, at, cross, dot, largest, plus, scaled};
 
 /// rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding.
 const SMALL_ANGLE: f64 = 1e-4;
-
-const SIXTH: f64 = 1.0 / 6.0;
-const THIRD: f64 = 1.0 / 3.0;
 
 const FREE: i32 = 0;
 const BALL: i32 = 1;
@@ -168,10 +165,8 @@ impl Tableau {
         let velocity = &mut self.velocities[stage];
         velocity.copy_from_slice(data.qvel());
         for &first in &self.turns {
-            let part = first..first + 3;
-            let rate =
-                rotation_vector_rate(three(&self.moved[part.clone()]), three(&data.qvel()[part.clone()]));
-            velocity[part].copy_from_slice(&rate);
+            let rate = rotation_vector_rate(at(&self.moved[first..], 0), at(&data.qvel()[first..], 0));
+            velocity[first..first + 3].copy_from_slice(&rate);
         }
     }
 
@@ -190,30 +185,21 @@ impl Tableau {
 
 /// The weighted mean of an entry over the stages.
 fn mean(stages: &[Vec<f64>; 4], i: usize) -> f64 {
-    stages[0][i] * SIXTH + stages[1][i] * THIRD + stages[2][i] * THIRD + stages[3][i] * SIXTH
-}
-
-fn three(values: &[f64]) -> [f64; 3] {
-    [values[0], values[1], values[2]]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    (stages[0][i] + 2.0 * stages[1][i] + 2.0 * stages[2][i] + stages[3][i]) / 6.0
 }
 
 /// u̇ (rad/s) of a rotation vector u (rad) when q₀ exp(u) turns with ω (rad/s, body frame).
 ///
 /// u̇ = ω + ½ u×ω + (1 − (θ/2) cot(θ/2))/θ² u×(u×ω), θ = |u|: the inverse of the exponential's right differential (Iserles,
 /// Munthe-Kaas, Nørsett and Zanna, Lie-group methods, 2000).
-fn rotation_vector_rate(vector: [f64; 3], omega: [f64; 3]) -> [f64; 3] {
-    let square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2];
-    let bend = if square > SMALL_ANGLE * SMALL_ANGLE && square < f64::INFINITY {
+fn rotation_vector_rate(vector: Vector, omega: Vector) -> Vector {
+    let square = dot(vector, vector);
+    let bend = if square > SMALL_ANGLE * SMALL_ANGLE {
         let half = 0.5 * square.sqrt();
         (1.0 - half / half.tan()) / (4.0 * half * half)
     } else {
         1.0 / 12.0
     };
     let first = cross(vector, omega);
-    let second = cross(vector, first);
-    std::array::from_fn(|i| omega[i] + 0.5 * first[i] + bend * second[i])
+    plus(plus(omega, scaled(0.5, first)), scaled(bend, cross(vector, first)))
 }
