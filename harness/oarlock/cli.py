@@ -187,6 +187,7 @@ def run(
 ) -> None:
     """Runs a model's comparison. With none of the options before --timestep it runs the experiments of its case."""
     from oarlock.cases import load_case
+
     folder = out or Path("results") / load_case(model).slug
     with _bar() as progress:
         results = run_model(

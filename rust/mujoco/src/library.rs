@@ -176,9 +176,11 @@ pub fn built_against() -> i32 {
 /// # Errors
 /// [`Error::Library`]: it is not loaded, it lacks a function, or it is not of the version that this was built against.
 pub fn open(path: &str) -> Result<(), Error> {
-    static OPENED: OnceLock<Result<(), Error>> = OnceLock::new();
     OPENED.get_or_init(|| resolve(path)).clone()
 }
+
+/// What [`open`] came to.
+static OPENED: OnceLock<Result<(), Error>> = OnceLock::new();
 
 fn resolve(path: &str) -> Result<(), Error> {
     let Ok(name) = CString::new(path) else {
@@ -357,8 +359,14 @@ impl Model {
     /// `address` is that of an mjModel of the library that [`open`] resolved, and nothing writes to it during the call.
     ///
     /// # Errors
-    /// [`Error::Mujoco`]: there is no memory for it. [`Error::Refused`]: the model has plugins, whose state is not copied.
+    /// [`Error::Library`]: [`open`] was not called or failed. [`Error::Mujoco`]: there is no memory for it.
+    /// [`Error::Refused`]: the model has plugins, whose state is not copied.
     pub unsafe fn copy_of(address: usize) -> Result<Self, Error> {
+        // Without it there is no function to call; everything else starts from a model.
+        OPENED
+            .get()
+            .ok_or_else(|| Error::Library("MuJoCo's library is not opened yet".to_owned()))?
+            .clone()?;
         let mut raw = ptr::null_mut();
         // SAFETY: the caller's; `raw` is valid for the call.
         trapped(|message| unsafe { oarlock_copy_model(address as *const c_void, &raw mut raw, message) })?;

@@ -41,7 +41,7 @@ fn fresh(solver: &MultiplierSolver) -> Solver {
 
 /// Resolves the native step loops from MuJoCo's library at `path`, which 'import mujoco' must have loaded.
 ///
-/// Raises InputError if it is another version than the one that this was built against.
+/// Raises `InputError` if it is another version than the one that this was built against.
 #[pyfunction]
 pub fn open_mujoco(py: Python<'_>, path: &str) -> PyResult<()> {
     native::library::open(path).map_err(|error| raised(py, &error))
@@ -56,8 +56,9 @@ pub struct Setup {
 type SolverRef<'py> = PyRef<'py, MultiplierSolver>;
 
 #[pymethods]
+#[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
 impl Setup {
-    /// Of an MjModel: positions (nq), velocities (nv), laws of actuators by number, Baumgarte's terms (1/s, 1/s²), what to
+    /// Of an `MjModel`: positions (nq), velocities (nv), laws of actuators by number, Baumgarte's terms (1/s, 1/s²), what to
     /// note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies, and the steps whose
     /// states are kept whole.
     #[new]
@@ -177,7 +178,7 @@ impl Setup {
     }
 }
 
-/// Goes on with many runs by so many steps each, on as many threads as there are cores (or RAYON_NUM_THREADS); gives the
+/// Goes on with many runs by so many steps each, on as many threads as there are cores (or `RAYON_NUM_THREADS`); gives the
 /// number of steps that each took.
 #[pyfunction]
 pub fn advance_all(py: Python<'_>, mut runs: Vec<PyRefMut<'_, Run>>, steps: usize) -> Vec<usize> {
@@ -240,7 +241,7 @@ impl Run {
             for (name, column) in columns {
                 match column {
                     Column::Float { values, nullable: false } => {
-                        table.set_item(name, values.into_pyarray(py))?
+                        table.set_item(name, values.into_pyarray(py))?;
                     }
                     Column::Float { values, nullable: true } => {
                         table.set_item(name, ("nullable", values.into_pyarray(py)))?;
