@@ -129,7 +129,9 @@ class PythonPath:
         setup = self._setup
         data, ours = setup.data(), setup.data()
         state = self._state(ours)
-        recorders = {(form, spec): Recorder() for form in forms for spec in solvers}
+        recorders: dict[tuple[Form, SolverSpec], Recorder] = {
+            (form, spec): Recorder() for form in forms for spec in solvers
+        }
         forces = {key: SolvedForce(state, key[0], self._make(key[1])) for key in recorders}
         walkers = {key: ForcedWalker(setup.model, ours, setup.drive, force) for key, force in forces.items()}
 

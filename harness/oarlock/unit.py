@@ -18,10 +18,11 @@ from oarlock.aggregate import summarise
 from oarlock.case_file import Form
 from oarlock.cases import Case, load_case
 from oarlock.errors import InputError, one_line
-from oarlock.experiments import Laboratory, Setup, Task, run_key
+from oarlock.experiments import Laboratory, Task, run_key
 from oarlock.point import OWN, SEED, SOLREF, TIMESTEP, Point
 from oarlock.results import RunResult
 from oarlock.run import Request, describe, plan
+from oarlock.setup import Setup
 from oarlock.sketch import sketch
 from oarlock.solvers import MUJOCO, SolverSpec
 
