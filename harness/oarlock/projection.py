@@ -13,7 +13,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from oarlock._core import ConstrainedSystem
+from oarlock.inertia import Inertia
 from oarlock.mechanism import closing_jacobian
 from oarlock.solvers import SolverSpec
 from oarlock.vectors import times
@@ -76,9 +76,8 @@ class Projector:
         """Rank of A at the last correction."""
         self.last: Projection | None = None
         """What the last projection did."""
-        self._system = ConstrainedSystem()
+        self._inertia = Inertia(model)
         self._solver = solver.with_defaults(rank_cut=rank_cut).make()
-        self._mass = np.zeros((model.nv, model.nv))
         self._zero = np.zeros(model.nv)
         # A row is the difference of two positions, and each is rounded.
         self._rounding = 2.0 * _EPSILON * float(model.stat.extent + np.abs(model.stat.center).max())
@@ -89,15 +88,14 @@ class Projector:
 
         The position stage must be valid. ``wanted`` is c (ne); ``damping`` is added to the diagonal of A.
         """
-        mujoco.mj_fullM(self.model, data, self._mass)
         jacobian = closing_jacobian(self.model, data)
         softness = np.full(len(wanted), damping) if damping else None
-        self._system.assemble(self._mass, jacobian, self._zero, wanted, softness)
-        multipliers, info = self._solver.solve_system(self._system)
+        self._inertia.assemble(data, jacobian, self._zero, wanted, softness)
+        multipliers, info = self._solver.solve_system(self._inertia.system)
         self.rank = info.rank or 0
         self._solves += 1
         self._iterations += info.iterations
-        return self._system.acceleration(multipliers)[0]
+        return self._inertia.acceleration(data, multipliers)[0]
 
     def project(self, data: mujoco.MjData, trust: float) -> Projection:
         """Projects ``qpos``, then ``qvel``; leaves the position stage valid. What is at rounding is left untouched.

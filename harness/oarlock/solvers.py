@@ -9,6 +9,7 @@ import numpy as np
 from oarlock import _core
 from oarlock.case_file import Form
 from oarlock.errors import InputError, choose
+from oarlock.inertia import Inertia
 from oarlock.options import join_options, split_options
 from oarlock.state import State
 
@@ -80,18 +81,18 @@ class Question:
     def __init__(self, state: State, form: Form):
         self.state = state
         self.form: Form = form
-        self._system = _core.ConstrainedSystem()
+        self._inertia = Inertia(state.model)
 
     def ask(self) -> None:
         """Assembles the system from the state as it was last read."""
         state = self.state
         aref, softness = state.question(self.form)
-        self._system.assemble(state.mass, state.jacobian, state.force, aref, softness)
+        self._inertia.assemble(state.data, state.jacobian, state.unconstrained, aref, softness)
 
     def answer(self, solver: _core.MultiplierSolver) -> Answer:
         """One solver's answer."""
-        multipliers, info = solver.solve_system(self._system)
-        qacc, qfrc = self._system.acceleration(multipliers)
+        multipliers, info = solver.solve_system(self._inertia.system)
+        qacc, qfrc = self._inertia.acceleration(self.state.data, multipliers)
         return Answer(multipliers, qacc, qfrc, info)
 
 

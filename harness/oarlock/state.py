@@ -1,4 +1,4 @@
-"""What one state says: M, J, the smooth force, and the constraint rows, straight from MuJoCo's arrays."""
+"""What one state says: J, the smooth acceleration, and the constraint rows, straight from MuJoCo's arrays."""
 
 import mujoco
 import numpy as np
@@ -10,15 +10,14 @@ from oarlock.mechanism import jacobian
 
 
 class State:
-    """M, J, f and the rows of a state whose smooth stages are done.
+    """J and the rows of a state whose smooth stages are done.
 
     ``read`` refreshes the fields. ``jacobian`` and the row vectors alias MuJoCo's arena: they hold until the next
     stage call on the same data.
 
     Attributes:
-        mass: M, (nv, nv).
         jacobian: J, (ne, nv).
-        force: f = passive + applied + actuator − bias, (nv).
+        unconstrained: M⁻¹ f, (nv), f = passive + applied + actuator − bias.
         residual: r, (ne), m or rad.
         rate: J v, (ne).
         curvature: J̇ v, (ne).
@@ -28,7 +27,6 @@ class State:
         self.model, self.data = model, data
         self._curvature = Curvature(model, data)
         self._beta2, self._k = 2.0 * baumgarte.beta, baumgarte.k
-        self.mass = np.zeros((model.nv, model.nv))
         self.curvature = np.zeros(0)
 
     def read(self) -> None:
@@ -40,9 +38,8 @@ class State:
         data = self.data
         refuse_inequalities(self.model, data)
         ne = data.ne
-        mujoco.mj_fullM(self.model, data, self.mass)
         self.jacobian = jacobian(self.model, data)
-        self.force = data.qfrc_smooth
+        self.unconstrained = data.qacc_smooth
         self.residual = data.efc_pos
         self.rate = data.efc_vel
         if len(self.curvature) != ne:

@@ -14,6 +14,9 @@ pub enum Error {
         /// The shape it has.
         got: String,
     },
+    /// The system was assembled from a factored step, whose M⁻¹ it does not have.
+    #[error("a system of a factored step has no accelerations, expected one of M, J and f")]
+    Factored,
     /// There are no constraint rows or no velocities.
     #[error("{what} is empty: at least one row and one velocity are needed")]
     Empty {

@@ -102,6 +102,12 @@ impl Fold {
         true
     }
 
+    /// A row of each class.
+    #[must_use]
+    pub fn representatives(&self) -> &[usize] {
+        &self.representatives
+    }
+
     fn rescale(&mut self) {
         self.scales.clear();
         self.scales.resize(self.representatives.len(), 0.0);

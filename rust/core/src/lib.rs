@@ -25,7 +25,7 @@
 //!
 //! | module | noun |
 //! |---|---|
-//! | [`step`] | [`StepView`](step::StepView): what one time step hands over (rows of J, M, f, aref, and R if the rows are soft) |
+//! | [`step`] | [`StepView`](step::StepView): what one time step hands over (rows of J, M, f, aref, and R if the rows are soft), or a [`FactoredStep`](step::FactoredStep) of who has M factored |
 //! | [`system`] | [`ConstrainedSystem`](system::ConstrainedSystem): A and b of that step, and the way back from λ to a |
 //! | [`solver`] | [`MultiplierSolver`](solver::MultiplierSolver): the trait, and the registry of names |
 //! | [`fold`], [`problem`] | zero and proportional rows taken out, exactly; what a solver then sees |
@@ -149,6 +149,6 @@ pub use info::{Info, Status};
 pub use params::Options;
 pub use problem::{Needs, Problem, Wanted};
 pub use solver::{MultiplierSolver, SOLVERS, State, make_solver};
-pub use step::StepView;
+pub use step::{FactoredStep, StepView};
 pub use system::ConstrainedSystem;
 pub use time_law::TimeLaw;

@@ -2,6 +2,42 @@
 
 use crate::error::{Error, check_finite, check_len};
 
+/// A borrowed view of one step whose inertia somebody else has factored, M⁻¹ = Hᵀ H. Matrices are dense and row-major.
+///
+/// What rows of J become under H comes from a [`Whiten`] beside it, so that whoever has a sparse factor keeps it.
+#[derive(Debug, Clone, Copy)]
+pub struct FactoredStep<'a> {
+    /// J, `n×nv`.
+    pub jacobian: &'a [f64],
+    /// a₀ = M⁻¹ f, `nv`: the acceleration without constraints.
+    pub unconstrained: &'a [f64],
+    /// `n`: the acceleration that the rows ask for.
+    pub aref: &'a [f64],
+    /// R, `n`, ≥ 0, as in [`StepView`].
+    pub regularisation: Option<&'a [f64]>,
+}
+
+/// Gives H Jᵀ of some rows of J, one after another (`nv` each); they are given as numbers, and in place as what J has there.
+pub type Whiten<'a> = dyn FnMut(&[usize], &mut [f64]) + 'a;
+
+impl FactoredStep<'_> {
+    /// Number of constraint rows n and of velocities nv.
+    #[must_use]
+    pub const fn shape(&self) -> (usize, usize) {
+        (self.aref.len(), self.unconstrained.len())
+    }
+
+    /// Checks shapes and that every number is finite.
+    ///
+    /// # Errors
+    /// As [`StepView::check`].
+    pub fn check(&self) -> Result<(), Error> {
+        let (n, nv) = self.shape();
+        check_rows(n, nv, self.jacobian, self.aref, self.regularisation)?;
+        check_finite("unconstrained", self.unconstrained)
+    }
+}
+
 /// A borrowed view of one step. Matrices are dense and row-major, as NumPy keeps them.
 #[derive(Debug, Clone, Copy)]
 pub struct StepView<'a> {
@@ -30,25 +66,35 @@ impl StepView<'_> {
     /// [`Error::Empty`], [`Error::Shape`], [`Error::NonFinite`], [`Error::NegativeRegularisation`].
     pub fn check(&self) -> Result<(), Error> {
         let (n, nv) = self.shape();
-        if n == 0 {
-            return Err(Error::Empty { what: "aref" });
-        }
-        if nv == 0 {
-            return Err(Error::Empty { what: "force" });
-        }
+        check_rows(n, nv, self.jacobian, self.aref, self.regularisation)?;
         check_len("mass", self.mass.len(), &[nv, nv])?;
-        check_len("jacobian", self.jacobian.len(), &[n, nv])?;
         check_finite("mass", self.mass)?;
-        check_finite("jacobian", self.jacobian)?;
-        check_finite("force", self.force)?;
-        check_finite("aref", self.aref)?;
-        if let Some(regularisation) = self.regularisation {
-            check_len("regularisation", regularisation.len(), &[n])?;
-            check_finite("regularisation", regularisation)?;
-            if let Some(index) = regularisation.iter().position(|&value| value < 0.0) {
-                return Err(Error::NegativeRegularisation { index, value: regularisation[index] });
-            }
-        }
-        Ok(())
+        check_finite("force", self.force)
     }
+}
+
+fn check_rows(
+    n: usize,
+    nv: usize,
+    jacobian: &[f64],
+    aref: &[f64],
+    regularisation: Option<&[f64]>,
+) -> Result<(), Error> {
+    if n == 0 {
+        return Err(Error::Empty { what: "aref" });
+    }
+    if nv == 0 {
+        return Err(Error::Empty { what: "force" });
+    }
+    check_len("jacobian", jacobian.len(), &[n, nv])?;
+    check_finite("jacobian", jacobian)?;
+    check_finite("aref", aref)?;
+    if let Some(regularisation) = regularisation {
+        check_len("regularisation", regularisation.len(), &[n])?;
+        check_finite("regularisation", regularisation)?;
+        if let Some(index) = regularisation.iter().position(|&value| value < 0.0) {
+            return Err(Error::NegativeRegularisation { index, value: regularisation[index] });
+        }
+    }
+    Ok(())
 }

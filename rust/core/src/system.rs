@@ -11,7 +11,7 @@ use crate::info::Info;
 use crate::kernels::{axpy, dot, norm};
 use crate::problem::{Needs, Problem, Wanted};
 use crate::solver::MultiplierSolver;
-use crate::step::StepView;
+use crate::step::{FactoredStep, StepView, Whiten};
 
 /// Symmetry asked of a dense A that a caller hands over, relative to its largest entry. `A = J M⁻¹ Jᵀ` formed in
 /// floating point by any sensible route is symmetric to a few rounding errors; 1e-10 leaves room for large sums and
@@ -33,6 +33,7 @@ pub struct ConstrainedSystem {
     refolded: bool,
     /// ‖b − T Tᵀ b‖.
     outside: f64,
+    /// L; empty where the inertia is somebody else's.
     mass_factor: DMatrix<f64>,
     jacobian_t: DMatrix<f64>,
     whitened: DMatrix<f64>,
@@ -104,9 +105,27 @@ impl ConstrainedSystem {
         if self.nv() == 0 {
             return self.given.clone();
         }
+        if self.mass_factor.is_empty() {
+            return self.unfolded_matrix();
+        }
         let mut whitened = self.jacobian_t.clone();
         self.mass_factor.solve_lower_triangular_mut(&mut whitened);
         let mut matrix = whitened.tr_mul(&whitened);
+        for (i, softness) in self.softness.iter().flatten().enumerate() {
+            matrix[(i, i)] += softness;
+        }
+        matrix
+    }
+
+    /// T A Tᵀ (+ R) of the reduced A.
+    fn unfolded_matrix(&self) -> DMatrix<f64> {
+        let reduced = self.whitened.tr_mul(&self.whitened);
+        let shares: Vec<_> = self.fold.shares().collect();
+        let mut matrix =
+            DMatrix::from_fn(self.len(), self.len(), |row, col| match (shares[row], shares[col]) {
+                (Some((row, share)), Some((col, other))) => share * other * reduced[(row, col)],
+                _ => 0.0,
+            });
         for (i, softness) in self.softness.iter().flatten().enumerate() {
             matrix[(i, i)] += softness;
         }
@@ -141,7 +160,6 @@ impl ConstrainedSystem {
         }
         *self = Self {
             jacobian_t: DMatrix::zeros(nv, n),
-            mass_factor: DMatrix::zeros(nv, nv),
             rhs: DVector::zeros(n),
             unconstrained: DVector::zeros(nv),
             work: DVector::zeros(nv),
@@ -188,8 +206,11 @@ impl ConstrainedSystem {
         let (n, nv) = step.shape();
         self.resize(n, nv);
 
-        // A symmetric row-major M is its own column-major form, and row-major J is column-major Jᵀ.
+        // A symmetric row-major M is its own column-major form.
         let mut factor = mem::take(&mut self.mass_factor);
+        if factor.nrows() != nv {
+            factor = DMatrix::zeros(nv, nv);
+        }
         factor.copy_from_slice(step.mass);
         // A pivot that has cancelled to rounding is none: M is singular.
         let sound = |factor: &Cholesky<f64, Dyn>| {
@@ -207,13 +228,7 @@ impl ConstrainedSystem {
         };
         self.mass_factor = factor.unpack_dirty();
 
-        self.jacobian_t.copy_from_slice(step.jacobian);
-        self.refold(step.regularisation.is_none());
-        match (step.regularisation, &mut self.softness) {
-            (None, softness) => *softness = None,
-            (Some(given), Some(softness)) if softness.len() == n => softness.copy_from_slice(given),
-            (Some(given), softness) => *softness = Some(given.to_vec()),
-        }
+        self.take_rows(step.jacobian, step.regularisation);
         for (class, (representative, scale)) in self.fold.classes().enumerate() {
             let row = &self.jacobian_t.as_slice()[representative * nv..(representative + 1) * nv];
             scaled_copy(row, scale, &mut self.whitened.as_mut_slice()[class * nv..(class + 1) * nv]);
@@ -223,10 +238,58 @@ impl ConstrainedSystem {
         self.unconstrained.copy_from_slice(step.force);
         self.mass_factor.solve_lower_triangular_mut(&mut self.unconstrained);
         self.mass_factor.tr_solve_lower_triangular_mut(&mut self.unconstrained);
-        self.rhs.copy_from_slice(step.aref);
+        self.ask(step.aref);
+        self.check_overflow()
+    }
+
+    /// Takes over one step whose inertia is factored, with what H makes of rows of J. The way back from multipliers ends at
+    /// [`force`](Self::force): M⁻¹ is the caller's.
+    ///
+    /// # Errors
+    /// Those of [`FactoredStep::check`], which leave the last step in place; [`Error::NonFinite`] or [`Error::TooLarge`] if A
+    /// or b overflow, which leave the system empty.
+    pub fn assemble_factored(
+        &mut self,
+        step: &FactoredStep<'_>,
+        whiten: &mut Whiten<'_>,
+    ) -> Result<(), Error> {
+        step.check()?;
+        let (n, nv) = step.shape();
+        self.resize(n, nv);
+        self.mass_factor = DMatrix::default();
+        self.take_rows(step.jacobian, step.regularisation);
+        for (class, &representative) in self.fold.representatives().iter().enumerate() {
+            let row = &self.jacobian_t.as_slice()[representative * nv..(representative + 1) * nv];
+            self.whitened.as_mut_slice()[class * nv..(class + 1) * nv].copy_from_slice(row);
+        }
+        whiten(self.fold.representatives(), self.whitened.as_mut_slice());
+        for (column, (_, scale)) in self.whitened.as_mut_slice().chunks_exact_mut(nv).zip(self.fold.classes())
+        {
+            for entry in column {
+                *entry *= scale;
+            }
+        }
+        self.unconstrained.copy_from_slice(step.unconstrained);
+        self.ask(step.aref);
+        self.check_overflow()
+    }
+
+    /// J, its fold, and R.
+    fn take_rows(&mut self, jacobian: &[f64], regularisation: Option<&[f64]>) {
+        self.jacobian_t.copy_from_slice(jacobian); // row-major J is column-major Jᵀ
+        self.refold(regularisation.is_none());
+        match (regularisation, &mut self.softness) {
+            (None, softness) => *softness = None,
+            (Some(given), Some(softness)) if softness.len() == given.len() => softness.copy_from_slice(given),
+            (Some(given), softness) => *softness = Some(given.to_vec()),
+        }
+    }
+
+    /// b = aref − J a₀.
+    fn ask(&mut self, aref: &[f64]) {
+        self.rhs.copy_from_slice(aref);
         self.rhs.gemv_tr(-1.0, &self.jacobian_t, &self.unconstrained, 1.0);
         self.outside = self.fold.reduce(self.rhs.as_slice(), self.reduced_rhs.as_mut_slice());
-        self.check_overflow()
     }
 
     /// Finite input can still overflow: the diagonal of A bounds its other entries.
@@ -387,27 +450,40 @@ impl ConstrainedSystem {
     /// `qfrc = Jᵀ λ` and `qacc = a₀ + M⁻¹ Jᵀ λ`, both `nv`.
     ///
     /// # Errors
-    /// [`Error::Shape`], also for a system given as dense (A, b), which has no accelerations; [`Error::NonFinite`] if they
-    /// overflow.
+    /// [`Error::Shape`], also for a system given as dense (A, b), which has no accelerations; [`Error::Factored`];
+    /// [`Error::NonFinite`] if they overflow.
     pub fn acceleration(
         &mut self,
         multipliers: &[f64],
         qfrc: &mut [f64],
         qacc: &mut [f64],
     ) -> Result<(), Error> {
-        check_len("multipliers", multipliers.len(), &[self.len()])?;
-        check_len("qfrc", qfrc.len(), &[self.nv()])?;
         check_len("qacc", qacc.len(), &[self.nv()])?;
-        self.work.fill(0.0);
-        for (column, &multiplier) in self.jacobian_t.column_iter().zip(multipliers) {
-            axpy(multiplier, column.as_slice(), self.work.as_mut_slice());
+        if self.mass_factor.is_empty() {
+            return Err(Error::Factored);
         }
-        qfrc.copy_from_slice(self.work.as_slice());
+        self.force(multipliers, qfrc)?;
         self.mass_factor.solve_lower_triangular_mut(&mut self.work);
         self.mass_factor.tr_solve_lower_triangular_mut(&mut self.work);
         self.work += &self.unconstrained;
         qacc.copy_from_slice(self.work.as_slice());
-        check_finite("qfrc", qfrc)?;
         check_finite("qacc", qacc)
+    }
+
+    /// `qfrc = Jᵀ λ`, `nv`.
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::NonFinite`] if it overflows.
+    pub fn force(&mut self, multipliers: &[f64], qfrc: &mut [f64]) -> Result<(), Error> {
+        check_len("multipliers", multipliers.len(), &[self.len()])?;
+        check_len("qfrc", qfrc.len(), &[self.nv()])?;
+        self.work.fill(0.0);
+        for (column, &multiplier) in
+            self.jacobian_t.as_slice().chunks_exact(qfrc.len().max(1)).zip(multipliers)
+        {
+            axpy(multiplier, column, self.work.as_mut_slice());
+        }
+        qfrc.copy_from_slice(self.work.as_slice());
+        check_finite("qfrc", qfrc)
     }
 }

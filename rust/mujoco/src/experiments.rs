@@ -279,15 +279,15 @@ impl Experiment for Lockstep {
     fn record(&mut self, step: usize) -> Result<(), Error> {
         self.ask_mujoco()?;
         let (data, state) = match &mut self.leader {
-            Leader::Mujoco(theirs) => (&theirs.0.data, &mut theirs.1),
-            Leader::Solver(walker) => (&walker.data, &mut walker.force.state),
+            Leader::Mujoco(theirs) => (&mut theirs.0.data, &mut theirs.1),
+            Leader::Solver(walker) => (&mut walker.data, &mut walker.force.state),
         };
         for question in &mut self.questions {
             let Question { form, system, reference, truth, answer, solvers } = question;
             state.ask(data, *form, system)?;
-            truth.fill(system, &mut **reference)?;
+            truth.fill(data, state, system, &mut **reference)?;
             for (solver, steps) in solvers {
-                answer.fill(system, &mut **solver)?;
+                answer.fill(data, state, system, &mut **solver)?;
                 self.notes.state(steps, step, data, state, &answer.qacc);
                 let mut tally = Tally::default();
                 tally.add(&answer.info, answer.elapsed);
@@ -560,7 +560,7 @@ impl Experiment for FreeSolved {
         notes.state(steps, step, data, &force.state, data.qacc());
         theirs.compare(steps, data.qpos())?;
         notes.free(steps, step, data)?;
-        truth.fill(&mut force.system, &mut **reference)?;
+        truth.fill(data, &mut force.state, &mut force.system, &mut **reference)?;
         steps.min_norm_error.push(relative_difference(&force.answer.multipliers, &truth.multipliers));
         Ok(())
     }

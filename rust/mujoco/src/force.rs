@@ -36,12 +36,14 @@ impl Answer {
         }
     }
 
-    /// Fills it with a solver's answer to a question.
+    /// Fills it with a solver's answer to the question that a state asks of a data.
     ///
     /// # Errors
-    /// Those of [`ConstrainedSystem::solve`] and [`ConstrainedSystem::acceleration`].
+    /// Those of [`ConstrainedSystem::solve`] and [`State::acceleration`].
     pub fn fill(
         &mut self,
+        data: &mut Data,
+        state: &mut State,
         system: &mut ConstrainedSystem,
         solver: &mut dyn MultiplierSolver,
     ) -> Result<(), Error> {
@@ -49,7 +51,7 @@ impl Answer {
         let began = Instant::now();
         self.info = system.solve(solver, Wanted::Multipliers, &mut self.multipliers)?;
         self.elapsed = began.elapsed();
-        Ok(system.acceleration(&self.multipliers, &mut self.qfrc, &mut self.qacc)?)
+        state.acceleration(data, system, &self.multipliers, &mut self.qfrc, &mut self.qacc)
     }
 }
 
@@ -136,7 +138,7 @@ impl ForceLaw for SolvedForce {
         self.state.read(data)?;
         self.state.ask(data, self.form, &mut self.system)?;
         let answer = &mut self.answer;
-        answer.fill(&mut self.system, &mut *self.solver)?;
+        answer.fill(data, &mut self.state, &mut self.system, &mut *self.solver)?;
         data.qacc_mut().copy_from_slice(&answer.qacc);
         data.qfrc_constraint_mut().copy_from_slice(&answer.qfrc);
         data.force_mut().copy_from_slice(&answer.multipliers);

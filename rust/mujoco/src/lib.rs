@@ -5,6 +5,7 @@ pub mod drive;
 pub mod error;
 pub mod experiments;
 pub mod force;
+pub mod inertia;
 pub mod kinematics;
 pub mod library;
 pub mod projection;

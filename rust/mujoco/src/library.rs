@@ -77,6 +77,7 @@ struct DataView {
     qfrc_constraint: *mut f64,
     qfrc_smooth: *const f64,
     qacc_smooth: *const f64,
+    inverse_diagonal: *const f64,
     xpos: *const f64,
     xquat: *const f64,
     xmat: *const f64,
@@ -127,10 +128,13 @@ unsafe extern "C" {
     fn oarlock_view_data(data: *mut c_void, view: *mut DataView);
     fn oarlock_view_rows(data: *mut c_void, view: *mut RowsView);
     fn oarlock_run(stage: c_int, model: *const c_void, data: *mut c_void, message: *mut c_char) -> c_int;
-    fn oarlock_full_mass(
+    fn oarlock_whiten(
         model: *const c_void,
-        data: *const c_void,
-        mass: *mut f64,
+        data: *mut c_void,
+        count: c_int,
+        x: *mut f64,
+        y: *const f64,
+        roots: *const f64,
         message: *mut c_char,
     ) -> c_int;
     fn oarlock_solve_mass(
@@ -541,6 +545,8 @@ arrays! { Data,
     qfrc_constraint: f64 = |d| d.model.nv();
     /// All forces but those of constraints, nv.
     qfrc_smooth: f64 = |d| d.model.nv();
+    /// 1/D of M's factor, nv.
+    inverse_diagonal: f64 = |d| d.model.nv();
     /// Accelerations without constraints, nv.
     qacc_smooth: f64 = |d| d.model.nv();
     /// Places of bodies, nbody×3, m.
@@ -669,18 +675,30 @@ impl Data {
         Ok(unsafe { [*self.view.energy, *self.view.energy.add(1)] })
     }
 
-    /// M into `mass`, nv×nv.
+    /// `whitened` = H `vectors`, several of nv one after another, where M⁻¹ = Hᵀ H; `roots` (nv) are the square roots of
+    /// [`inverse_diagonal`](Self::inverse_diagonal). The position stage must be valid.
     ///
     /// # Errors
     /// [`Error::Mujoco`].
     ///
     /// # Panics
-    /// If `mass` is not of this length.
-    pub fn full_mass(&self, mass: &mut [f64]) -> Result<(), Error> {
-        assert_eq!(mass.len(), self.model.nv() * self.model.nv());
-        // SAFETY: the length is right; the data is only read.
+    /// If the slices are not of these lengths.
+    pub fn whiten(&mut self, whitened: &mut [f64], vectors: &[f64], roots: &[f64]) -> Result<(), Error> {
+        let nv = self.model.nv();
+        let count = vectors.len() / nv;
+        assert_eq!((whitened.len(), vectors.len(), roots.len()), (count * nv, count * nv, nv));
+        let count = c_int::try_from(count).expect("no model has as many rows");
+        // SAFETY: the lengths are right; MuJoCo uses the data's stack, which `&mut self` makes exclusive.
         trapped(|message| unsafe {
-            oarlock_full_mass(self.model.raw.as_ptr(), self.raw.as_ptr(), mass.as_mut_ptr(), message)
+            oarlock_whiten(
+                self.model.raw.as_ptr(),
+                self.raw.as_ptr(),
+                count,
+                whitened.as_mut_ptr(),
+                vectors.as_ptr(),
+                roots.as_ptr(),
+                message,
+            )
         })
     }
 

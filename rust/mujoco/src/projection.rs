@@ -5,9 +5,10 @@
 //! least squares (Eich 1993, Convergence results for a coordinate projection method applied to mechanical systems with
 //! algebraic constraints). The same as `oarlock.projection`, operation for operation.
 
-use oarlock_core::{ConstrainedSystem, MultiplierSolver, StepView, Wanted};
+use oarlock_core::{ConstrainedSystem, FactoredStep, MultiplierSolver, Wanted};
 
 use crate::error::Error;
+use crate::inertia::Inertia;
 use crate::library::{Data, Model};
 use crate::vectors::{largest, sum, times};
 
@@ -67,7 +68,7 @@ pub struct Projector {
     rounding: f64,
     solves: i64,
     iterations: i64,
-    mass: Vec<f64>,
+    inertia: Inertia,
     zero: Vec<f64>,
     jacobian: Vec<f64>,
     wanted: Vec<f64>,
@@ -94,7 +95,7 @@ impl Projector {
             rounding: 2.0 * f64::EPSILON * (model.extent() + largest(&model.center())),
             solves: 0,
             iterations: 0,
-            mass: vec![0.0; nv * nv],
+            inertia: Inertia::new(nv),
             zero: vec![0.0; nv],
             jacobian: Vec::new(),
             wanted: Vec::new(),
@@ -196,22 +197,21 @@ impl Projector {
     }
 
     /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ.
-    fn correct(&mut self, data: &Data) -> Result<(), Error> {
+    fn correct(&mut self, data: &mut Data) -> Result<(), Error> {
         let nv = data.model().nv();
-        data.full_mass(&mut self.mass)?;
         self.jacobian.resize(data.ne() * nv, 0.0);
         data.copy_jacobian(&mut self.jacobian);
-        self.system.assemble(&StepView {
-            mass: &self.mass,
+        let step = FactoredStep {
             jacobian: &self.jacobian,
-            force: &self.zero,
+            unconstrained: &self.zero,
             aref: &self.wanted,
             regularisation: None,
-        })?;
+        };
+        self.inertia.assemble(data, &step, &mut self.system)?;
         self.multipliers.resize(self.wanted.len(), 0.0);
         let info = self.system.solve(&mut *self.solver, Wanted::Multipliers, &mut self.multipliers)?;
         self.solves += 1;
         self.iterations += i64::try_from(info.iterations).unwrap_or(i64::MAX);
-        Ok(self.system.acceleration(&self.multipliers, &mut self.qfrc, &mut self.step)?)
+        self.inertia.acceleration(data, &mut self.system, &self.multipliers, &mut self.qfrc, &mut self.step)
     }
 }

@@ -20,7 +20,7 @@ static void* symbol(void* library, const char* name) { return dlsym(library, nam
 #define FUNCTIONS(X)                                                                                              \
   X(mj_copyModel) X(mj_deleteModel) X(mj_makeData) X(mj_deleteData) X(mj_isSparse) X(mj_version) X(mj_step)         \
   X(mj_forward) X(mj_fwdPosition) X(mj_fwdVelocity) X(mj_fwdActuation) X(mj_fwdAcceleration) X(mj_fwdConstraint)   \
-  X(mj_RungeKutta) X(mj_Euler) X(mj_implicit) X(mj_energyPos) X(mj_energyVel) X(mj_fullM) X(mj_solveM)             \
+  X(mj_RungeKutta) X(mj_Euler) X(mj_implicit) X(mj_energyPos) X(mj_energyVel) X(mj_solveM) X(mj_solveM2)            \
   X(mj_jacDot) X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacVec) X(mj_mulJacTVec) X(mj_id2name)
 
 // The handler of one thread only: not in the public headers, but what MuJoCo's own bindings trap errors with. Its type
@@ -112,7 +112,7 @@ const char* oarlock_name(const mjModel* m, int type, int id) { return api.mj_id2
 void oarlock_view_data(mjData* d, oarlock_data* view) {
   *view = (oarlock_data){
     .time = &d->time, .energy = d->energy, .qpos = d->qpos, .qvel = d->qvel, .act = d->act, .ctrl = d->ctrl,
-    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth, .xpos = d->xpos,
+    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth, .inverse_diagonal = d->qLDiagInv, .xpos = d->xpos,
     .xquat = d->xquat, .xmat = d->xmat, .cvel = d->cvel, .subtree_com = d->subtree_com,
     .geom_xpos = d->geom_xpos, .geom_xmat = d->geom_xmat, .site_xpos = d->site_xpos,
     .ten_length = d->ten_length, .ten_velocity = d->ten_velocity, .wrap_xpos = d->wrap_xpos,
@@ -154,9 +154,10 @@ static void run(int stage, const mjModel* m, mjData* d) {
 
 int oarlock_run(int stage, const mjModel* m, mjData* d, char* message) { TRAPPED(message, run(stage, m, d)); }
 
-// M, nv×nv.
-int oarlock_full_mass(const mjModel* m, const mjData* d, double* mass, char* message) {
-  TRAPPED(message, api.mj_fullM(m, d, mass));
+// x = H y for `count` vectors of nv, M⁻¹ = Hᵀ H; `roots` are 1/√D of the factor, nv.
+int oarlock_whiten(const mjModel* m, mjData* d, int count, double* x, const double* y, const double* roots,
+                   char* message) {
+  TRAPPED(message, api.mj_solveM2(m, d, x, y, roots, count));
 }
 
 // x = M⁻¹ y, both nv.

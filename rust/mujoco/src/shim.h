@@ -23,7 +23,7 @@ typedef struct {
 // The arrays of mjData that stay where they are.
 typedef struct {
   double *time, *energy, *qpos, *qvel, *act, *ctrl, *qacc, *qfrc_constraint;
-  const double *qfrc_smooth, *qacc_smooth, *xpos, *xquat, *xmat, *cvel, *subtree_com;
+  const double *qfrc_smooth, *qacc_smooth, *inverse_diagonal, *xpos, *xquat, *xmat, *cvel, *subtree_com;
   const double *geom_xpos, *geom_xmat, *site_xpos, *ten_length, *ten_velocity, *wrap_xpos;
   const int *ten_wrapadr, *ten_wrapnum, *wrap_obj, *solver_niter;
 } oarlock_data;

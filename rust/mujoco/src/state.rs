@@ -1,10 +1,11 @@
-//! What one state says: M, J, the smooth force and the constraint rows, straight from MuJoCo's arrays; and the question that
+//! What one state says: M's factor, J, the smooth acceleration and the constraint rows, straight from MuJoCo's arrays; and the question that
 //! it puts to a solver.
 
-use oarlock_core::{ConstrainedSystem, StepView};
+use oarlock_core::{ConstrainedSystem, FactoredStep};
 
 use crate::curvature::Curvature;
 use crate::error::Error;
+use crate::inertia::Inertia;
 use crate::library::{Data, Model};
 
 /// The form of a question.
@@ -30,7 +31,9 @@ pub struct State {
     rows: Curvature,
     beta2: f64,
     k: f64,
-    mass: Vec<f64>,
+    inertia: Inertia,
+    unconstrained: Vec<f64>,
+    softness: Vec<f64>,
     jacobian: Vec<f64>,
     curvature: Vec<f64>,
     aref: Vec<f64>,
@@ -46,7 +49,9 @@ impl State {
             rows: Curvature::new(model)?,
             beta2: 2.0 * baumgarte.beta,
             k: baumgarte.k,
-            mass: vec![0.0; model.nv() * model.nv()],
+            inertia: Inertia::new(model.nv()),
+            unconstrained: vec![0.0; model.nv()],
+            softness: Vec::new(),
             jacobian: Vec::new(),
             curvature: Vec::new(),
             aref: Vec::new(),
@@ -65,9 +70,9 @@ impl State {
         if self.curvature.len() != ne {
             self.curvature.resize(ne, 0.0);
             self.aref.resize(ne, 0.0);
+            self.softness.resize(ne, 0.0);
             self.jacobian.resize(ne * nv, 0.0);
         }
-        data.full_mass(&mut self.mass)?;
         data.copy_jacobian(&mut self.jacobian);
         self.rows.write(data, &mut self.curvature)
     }
@@ -87,20 +92,42 @@ impl State {
     /// Assembles the question of the state as it was last read.
     ///
     /// # Errors
-    /// Those of [`ConstrainedSystem::assemble`].
-    pub fn ask(&mut self, data: &Data, form: Form, system: &mut ConstrainedSystem) -> Result<(), Error> {
-        let (aref, regularisation) = match form {
-            Form::Matched => (data.aref(), Some(data.softness())),
+    /// Those of [`Inertia::assemble`].
+    pub fn ask(&mut self, data: &mut Data, form: Form, system: &mut ConstrainedSystem) -> Result<(), Error> {
+        match form {
+            Form::Matched => {
+                self.aref.copy_from_slice(data.aref());
+                self.softness.copy_from_slice(data.softness());
+            }
             Form::Hard => {
                 let given = self.curvature.iter().zip(data.vel()).zip(data.pos());
                 for (aref, ((curvature, rate), deviation)) in self.aref.iter_mut().zip(given) {
                     *aref = -curvature - self.beta2 * rate - self.k * deviation;
                 }
-                (&self.aref[..], None)
             }
+        }
+        self.unconstrained.copy_from_slice(data.qacc_smooth());
+        let step = FactoredStep {
+            jacobian: &self.jacobian,
+            unconstrained: &self.unconstrained,
+            aref: &self.aref,
+            regularisation: (form == Form::Matched).then_some(&self.softness[..]),
         };
-        let force = data.qfrc_smooth();
-        let step = StepView { mass: &self.mass, jacobian: &self.jacobian, force, aref, regularisation };
-        Ok(system.assemble(&step)?)
+        self.inertia.assemble(data, &step, system)
+    }
+
+    /// Accelerations and constraint forces of multipliers, as [`Inertia::acceleration`].
+    ///
+    /// # Errors
+    /// Those of [`Inertia::acceleration`].
+    pub fn acceleration(
+        &mut self,
+        data: &mut Data,
+        system: &mut ConstrainedSystem,
+        multipliers: &[f64],
+        qfrc: &mut [f64],
+        qacc: &mut [f64],
+    ) -> Result<(), Error> {
+        self.inertia.acceleration(data, system, multipliers, qfrc, qacc)
     }
 }

@@ -48,6 +48,54 @@ impl ConstrainedSystem {
         py.detach(|| inner.assemble(&step)).map_err(input_error)
     }
 
+    /// Forms A and b where M⁻¹ = Hᵀ H is factored elsewhere: from the rows H Jᵀ (n×nv), J (n×nv), a₀ = M⁻¹ f (nv), aref (n)
+    /// and, for soft rows, R (n). The way back from multipliers ends at `force`.
+    #[pyo3(signature = (whitened, jacobian, unconstrained, aref, regularisation=None))]
+    #[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
+    fn assemble_factored(
+        &mut self,
+        py: Python<'_>,
+        whitened: PyReadonlyArray2<'_, f64>,
+        jacobian: PyReadonlyArray2<'_, f64>,
+        unconstrained: PyReadonlyArray1<'_, f64>,
+        aref: PyReadonlyArray1<'_, f64>,
+        regularisation: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<()> {
+        let unconstrained = vector("unconstrained", &unconstrained)?;
+        let aref = vector("aref", &aref)?;
+        let (nv, shape) = (unconstrained.len(), [aref.len(), unconstrained.len()]);
+        let given = matrix("whitened", &whitened, shape)?;
+        let step = core::FactoredStep {
+            jacobian: matrix("jacobian", &jacobian, shape)?,
+            unconstrained,
+            aref,
+            regularisation: match &regularisation {
+                Some(regularisation) => Some(vector("regularisation", regularisation)?),
+                None => None,
+            },
+        };
+        let inner = &mut self.inner;
+        let mut whiten = |rows: &[usize], whitened: &mut [f64]| {
+            for (&row, out) in rows.iter().zip(whitened.chunks_exact_mut(nv)) {
+                out.copy_from_slice(&given[row * nv..(row + 1) * nv]);
+            }
+        };
+        py.detach(|| inner.assemble_factored(&step, &mut whiten)).map_err(input_error)
+    }
+
+    /// Jᵀ λ (nv) of λ (n).
+    #[allow(clippy::needless_pass_by_value)]
+    fn force<'py>(
+        &mut self,
+        py: Python<'py>,
+        multipliers: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let multipliers = vector("multipliers", &multipliers)?;
+        let mut qfrc = vec![0.0; self.inner.nv()];
+        self.inner.force(multipliers, &mut qfrc).map_err(input_error)?;
+        Ok(qfrc.into_pyarray(py))
+    }
+
     /// A, n×n, before folding.
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -1,0 +1,65 @@
+//! Systems assembled through MuJoCo's own factor of M, which is sparse: M⁻¹ = Hᵀ H with H = D^(−1/2) L^(−T).
+
+use oarlock_core::{ConstrainedSystem, FactoredStep};
+
+use crate::error::Error;
+use crate::library::Data;
+
+/// Assembles systems of one model's states, and goes the way back from their multipliers.
+#[derive(Debug, Clone)]
+pub struct Inertia {
+    roots: Vec<f64>,
+    rows: Vec<f64>,
+    change: Vec<f64>,
+}
+
+impl Inertia {
+    /// For states of nv velocities.
+    #[must_use]
+    pub fn new(nv: usize) -> Self {
+        Self { roots: vec![0.0; nv], rows: Vec::new(), change: vec![0.0; nv] }
+    }
+
+    /// Assembles a system of the data's rows; its position stage must be valid.
+    ///
+    /// # Errors
+    /// Those of [`ConstrainedSystem::assemble_factored`], and [`Error::Mujoco`].
+    pub fn assemble(
+        &mut self,
+        data: &mut Data,
+        step: &FactoredStep<'_>,
+        system: &mut ConstrainedSystem,
+    ) -> Result<(), Error> {
+        for (root, inverse) in self.roots.iter_mut().zip(data.inverse_diagonal()) {
+            *root = inverse.sqrt();
+        }
+        let (rows, roots) = (&mut self.rows, &self.roots);
+        let mut said = Ok(());
+        system.assemble_factored(step, &mut |_, whitened| {
+            rows.clear();
+            rows.extend_from_slice(whitened);
+            said = data.whiten(whitened, rows, roots);
+        })?;
+        said
+    }
+
+    /// `qfrc` = Jᵀ λ and `qacc` = a₀ + M⁻¹ Jᵀ λ, nv each.
+    ///
+    /// # Errors
+    /// Those of [`ConstrainedSystem::force`], and [`Error::Mujoco`].
+    pub fn acceleration(
+        &mut self,
+        data: &mut Data,
+        system: &mut ConstrainedSystem,
+        multipliers: &[f64],
+        qfrc: &mut [f64],
+        qacc: &mut [f64],
+    ) -> Result<(), Error> {
+        system.force(multipliers, qfrc)?;
+        data.solve_mass(&mut self.change, qfrc)?;
+        for ((sum, start), change) in qacc.iter_mut().zip(system.unconstrained().iter()).zip(&self.change) {
+            *sum = start + change;
+        }
+        Ok(())
+    }
+}
