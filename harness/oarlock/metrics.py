@@ -6,13 +6,13 @@ import numpy as np
 from oarlock.projection import Projector
 from oarlock.solvers import Answer
 from oarlock.state import State
+from oarlock.vectors import norm, times
 
 
 def relative_difference(value: np.ndarray, reference: np.ndarray) -> float:
     """‖value − reference‖ / ‖reference‖; the absolute difference where the reference is zero."""
-    norm = float(np.linalg.norm(reference))
-    difference = float(np.linalg.norm(value - reference))
-    return difference / norm if norm > 0 else difference
+    scale, difference = norm(reference), norm(value - reference)
+    return difference / scale if scale > 0 else difference
 
 
 def largest(values: np.ndarray) -> float:
@@ -25,7 +25,7 @@ def drift(state: State, qacc: np.ndarray) -> dict[str, float]:
     return {
         "drift_pos": largest(state.residual),
         "drift_vel": largest(state.rate),
-        "drift_acc": largest(state.jacobian @ qacc + state.curvature),
+        "drift_acc": largest(times(state.jacobian, qacc) + state.curvature),
     }
 
 

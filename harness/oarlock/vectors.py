@@ -4,6 +4,7 @@ BLAS, NumPy's sums and MuJoCo's helpers choose by machine and build in which ord
 product with a sum. Here both are fixed, so that the native stepping gives the same bits.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,6 +20,11 @@ def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
         return np.zeros(len(products))
     # Partial sums admit no other order.
     return np.add.accumulate(products, 1, None, products)[:, -1]
+
+
+def norm(vector: np.ndarray) -> float:
+    """The norm √Σv², summed from left to right."""
+    return math.sqrt(times(vector[None], vector)[0])
 
 
 def plus(a: Vector, b: Vector) -> Vector:
