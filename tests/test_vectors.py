@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from oarlock.vectors import conjugate, cross, horner, product, times
+from oarlock.vectors import conjugate, cross, horner, norm, product, times
 from tolerances import SAME_POINT
 
 
@@ -19,6 +19,8 @@ def test_rows_are_summed_from_left_to_right(columns):
             for a, b in zip(row, vector.tolist(), strict=True):
                 total += a * b
             assert entry == total
+    assert norm(vector) == np.sqrt(times(vector[None], vector)[0])
+    assert norm(np.array([3.0, 4.0])) == 5.0
 
 
 def test_algebra_is_mujocos():

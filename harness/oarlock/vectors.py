@@ -23,8 +23,8 @@ def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def norm(vector: np.ndarray) -> float:
-    """‖v‖, the squares summed from left to right; 0 of nothing."""
-    return math.sqrt(np.add.accumulate(vector * vector)[-1]) if len(vector) else 0.0
+    """The norm √Σv², summed from left to right."""
+    return math.sqrt(times(vector[None], vector)[0])
 
 
 def plus(a: Vector, b: Vector) -> Vector:

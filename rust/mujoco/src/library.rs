@@ -788,6 +788,8 @@ impl Data {
     /// If the slices are not of these lengths.
     pub fn jacobian_transposed_times(&mut self, x: &[f64], product: &mut [f64]) -> Result<(), Error> {
         assert_eq!((product.len(), x.len()), (self.model.nv(), self.nefc()));
+        // MuJoCo leaves the product as it was where there are no rows.
+        product.fill(0.0);
         // SAFETY: lengths are right.
         trapped(|message| unsafe {
             oarlock_jacobian_times(
