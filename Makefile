@@ -1,4 +1,4 @@
-# make run · make test · make fuzz · make bench · make lint: each sets up what it needs, and again, fast, the second time.
+# make run · make test · make test-deep · make fuzz · make bench · make lint: each sets up what it needs, and again, fast, the second time.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +8,9 @@ MODEL ?=
 # The name of a variant, NAME:key=value,…, as one for folders.
 comma := ,
 FOLDER = $(subst $(comma),-,$(subst :,-,$(MODEL)))
-RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs)
+RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs rust/*/src/*.[ch])
+# Whose MuJoCo the native step loops are compiled against.
+export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 SECONDS ?= 60
 HOST = $(shell rustc --print host-tuple)
@@ -16,7 +18,7 @@ HOST = $(shell rustc --print host-tuple)
 FUZZ_FLAGS := --cfg fuzzing -C passes=sancov-module $(addprefix -C llvm-args=-sanitizer-coverage-, \
 	level=4 inline-8bit-counters pc-table trace-compares)
 
-.PHONY: run test fuzz bench lint format setup clean lock
+.PHONY: run test test-deep fuzz bench lint format setup clean lock
 .DELETE_ON_ERROR:
 
 run: setup
@@ -28,8 +30,15 @@ else
 endif
 
 test: setup
-	$(CARGO) test --locked --release --quiet -p oarlock-core -p oarlock-fuzz
+	$(CARGO) test --locked --release --quiet -p oarlock-core -p oarlock-fuzz -p oarlock-mujoco
 	$(BIN)/python -m pytest
+
+# Besides: the slow tests, and the native path under valgrind, which has to be there.
+test-deep: test
+	$(BIN)/python -m pytest -m slow
+	@command -v valgrind >/dev/null || { echo "make test-deep needs valgrind"; exit 1; }
+	PYTHONMALLOC=malloc valgrind --quiet --undef-value-errors=no --error-exitcode=9 \
+		--suppressions=tests/memory/valgrind.supp $(BIN)/python tests/memory/boat.py
 
 # Looks for bytes that break a solver, for SECONDS; what it finds is left in build/fuzz, and goes on from there.
 fuzz:
