@@ -53,7 +53,7 @@ class NativePath:
 
     def __init__(self, setup: Setup, terms: Baumgarte, make: Make, tick: Tick):
         self._setup, self._make, self._tick = setup, make, tick
-        self._core = _core.Setup(
+        self.core = _core.Setup(
             setup.model,
             qpos=setup.start.qpos,
             qvel=setup.start.qvel,
@@ -67,7 +67,7 @@ class NativePath:
 
     def calibration(self) -> Tables:
         """As ``PythonPath``."""
-        return self._walk(self._core.calibration(self._setup.steps))
+        return self._walk(self.core.calibration(self._setup.steps))
 
     def lockstep(
         self, walker: SolverSpec, projector: SolverSpec | None, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]
@@ -77,20 +77,20 @@ class NativePath:
         questions = [(form, make(SolverSpec(REFERENCE)), [make(spec) for spec in solvers]) for form in forms]
         leader = None if walker.name == MUJOCO else make(walker)
         last = make(projector) if projector else None
-        return self._walk(self._core.lockstep(self._setup.steps, questions, leader, last))
+        return self._walk(self.core.lockstep(self._setup.steps, questions, leader, last))
 
     def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
         """As ``PythonPath``."""
         asked = [(form, self._make(spec)) for form in forms for spec in solvers]
-        return self._walk(self._core.one_step(self._setup.steps, asked))
+        return self._walk(self.core.one_step(self._setup.steps, asked))
 
     def free(self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None) -> Tables:
         """As ``PythonPath``."""
         steps, make = self._setup.steps, self._make
         if form is None:
-            return self._walk(self._core.free_mujoco(steps))
+            return self._walk(self.core.free_mujoco(steps))
         last = make(projector) if projector else None
-        return self._walk(self._core.free_solved(steps, form, make(solver), make(SolverSpec(REFERENCE)), last))
+        return self._walk(self.core.free_solved(steps, form, make(solver), make(SolverSpec(REFERENCE)), last))
 
     def _walk(self, run: _core.Run) -> Tables:
         parts: list[list[pl.DataFrame]] = []

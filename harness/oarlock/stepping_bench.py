@@ -1,0 +1,170 @@
+"""What a comparison costs, as ratios to bare ``mj_step`` of the same model and steps: interleaved rounds, medians.
+
+MuJoCo runs with its default Newton solver; its Jacobian and islands as the model asks for them, and beside that in
+whichever setting of both is fastest here.
+"""
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import mujoco
+
+from oarlock import _core, native_path
+from oarlock.cases import load_case
+from oarlock.errors import InputError
+from oarlock.experiments import Laboratory
+from oarlock.native_path import NativePath
+from oarlock.python_path import PythonPath
+from oarlock.setup import Setup
+from oarlock.solvers import REFERENCE, SolverSpec
+
+MODELS = ("boat", "four_bar", "n_four_bar:N=10,connects=2", "n_four_bar:N=40,connects=2")
+STEPS = 2000
+ROUNDS = 15
+PYTHON_STEPS = 200
+RUNS = 16
+
+BARE = "mj_step"
+_JACOBIANS = {
+    "dense": mujoco.mjtJacobian.mjJAC_DENSE,
+    "sparse": mujoco.mjtJacobian.mjJAC_SPARSE,
+    "auto": mujoco.mjtJacobian.mjJAC_AUTO,
+}
+_ISLANDS_OFF = mujoco.mjtDisableBit.mjDSBL_ISLAND
+
+Contender = Callable[[], float]
+"""Does what is to be timed once and gives the time of a step, s."""
+
+
+class _Track:
+    """A model with what is timed on it."""
+
+    def __init__(self, name: str, steps: int):
+        case = load_case(name)
+        timestep_s = case.file.run.timestep_s or 1e-3
+        self._laboratory = Laboratory(case, None, steps * timestep_s, lambda steps: None)
+        self._terms = case.file.baumgarte
+        self.steps = steps
+
+    def contenders(self) -> dict[str, Contender]:
+        bare = {
+            f"{BARE}, {name} Jacobian{'' if islands else ', no islands'}": self._bare(jacobian, islands)
+            for name, jacobian in _JACOBIANS.items()
+            if name != "auto"
+            for islands in (True, False)
+        }
+        exact = {
+            f"exact free run, {solver}{', sparse Jacobian' if name == 'sparse' else ''}": self._free(solver, jacobian)
+            for solver in ("auto", "sr1-tracked")
+            for name, jacobian in _JACOBIANS.items()
+            if name != "auto"
+        }
+        return {
+            BARE: self._bare(_JACOBIANS["auto"], True),
+            **bare,
+            **exact,
+            "lockstep, sr1-tracked, all figures, recorded": self._lockstep(),
+            "the same on the Python path": self._python(),
+            f"{RUNS} runs, one after another": self._many(together=False),
+            f"{RUNS} runs, on all cores": self._many(together=True),
+        }
+
+    def _setup(self, jacobian: mujoco.mjtJacobian = _JACOBIANS["dense"], islands: bool = True) -> Setup:
+        setup = self._laboratory.setup("euler")
+        setup.model.opt.jacobian = jacobian
+        if not islands:
+            setup.model.opt.disableflags |= _ISLANDS_OFF
+        return setup
+
+    def _path(self, setup: Setup) -> NativePath:
+        return NativePath(setup, self._terms, self._make, lambda steps: None)
+
+    def _make(self, spec: SolverSpec) -> _core.MultiplierSolver:
+        return spec.with_defaults(rank_cut=self._laboratory.case.file.rank_cut).make()
+
+    def _bare(self, jacobian: mujoco.mjtJacobian, islands: bool) -> Contender:
+        core = self._path(self._setup(jacobian, islands)).core
+        return lambda: self._timed(core.bare(self.steps).walk)
+
+    def _free(self, solver: str, jacobian: mujoco.mjtJacobian) -> Contender:
+        core = self._path(self._setup(jacobian)).core
+        own, reference = self._make(SolverSpec(solver)), self._make(SolverSpec(REFERENCE))
+        return lambda: self._timed(core.free_solved(self.steps, "hard", own, reference).walk)
+
+    def _lockstep(self) -> Contender:
+        core = self._path(self._setup()).core
+        own, reference = self._make(SolverSpec("sr1-tracked")), self._make(SolverSpec(REFERENCE))
+
+        def once() -> float:
+            run = core.lockstep(self.steps, [("hard", reference, [own])])
+            return self._timed(lambda: (run.advance(self.steps), run.tables()))
+
+        return once
+
+    def _python(self) -> Contender:
+        setup = self._setup()
+        setup.steps = PYTHON_STEPS
+        path = PythonPath(setup, self._terms, self._make, lambda steps: None)
+        tracked = (SolverSpec("sr1-tracked"),)
+
+        def once() -> float:
+            began = time.perf_counter()
+            path.lockstep(SolverSpec("mujoco"), None, ("hard",), tracked)
+            return (time.perf_counter() - began) / PYTHON_STEPS
+
+        return once
+
+    def _many(self, *, together: bool) -> Contender:
+        core = self._path(self._setup()).core
+        own, reference = self._make(SolverSpec("auto")), self._make(SolverSpec(REFERENCE))
+
+        def once() -> float:
+            runs = [core.free_solved(self.steps, "hard", own, reference) for _ in range(RUNS)]
+            if together:
+                return self._timed(lambda: _core.advance_all(runs, self.steps)) / RUNS
+            return self._timed(lambda: [run.advance(self.steps) for run in runs]) / RUNS
+
+        return once
+
+    def _timed(self, work: Callable[[], Any]) -> float:
+        began = time.perf_counter()
+        work()
+        return (time.perf_counter() - began) / self.steps
+
+
+def bench_stepping(
+    models: tuple[str, ...] | list[str] = MODELS, rounds: int = ROUNDS, steps: int = STEPS
+) -> Iterator[list[dict[str, Any]]]:
+    """The table of each model as soon as it is measured.
+
+    Every row has model, name, step_us (median), ratio to bare ``mj_step`` and ratio_to_fastest, to its fastest setting
+    (medians of the ratios of each round).
+
+    Raises:
+        InputError: the native path cannot be taken, or there is no such model.
+    """
+    if native_path.refusal():
+        raise InputError(f"no native stepping: {native_path.refusal()}")
+    for model in models:
+        contenders = _Track(model, steps).contenders()
+        times: dict[str, list[float]] = {name: [] for name in contenders}
+        for _ in range(rounds):
+            for name, once in contenders.items():
+                times[name].append(once())
+        fastest = min((name for name in times if name.startswith(BARE)), key=lambda name: statistics.median(times[name]))
+
+        def ratio(name: str, over: str, times: dict[str, list[float]] = times) -> float:
+            return statistics.median(a / b for a, b in zip(times[name], times[over], strict=True))
+
+        yield [
+            {
+                "model": model,
+                "name": name,
+                "step_us": 1e6 * statistics.median(times[name]),
+                "ratio": ratio(name, BARE),
+                "ratio_to_fastest": ratio(name, fastest),
+            }
+            for name in contenders
+        ]
