@@ -307,6 +307,13 @@ def suite(
         typer.Argument(metavar="[MODEL…]", help="Models, variants or MJCF files [default: every model]."),
     ] = None,
     jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Runs at once [default: one a core].")] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS|local",
+            help="Run on a dask.distributed cluster: of that scheduler, tcp://HOST:PORT, or of processes here.",
+        ),
+    ] = None,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for the results, a folder a model; what is there is kept.")
     ] = Path("results"),
@@ -319,7 +326,9 @@ def suite(
     """Every model × its experiments, in parallel; resumes where it stopped, repeats what changed, writes the report."""
     from oarlock.suite_command import run_suite
 
-    status, document = run_suite(models or [], jobs=jobs, out=out, report=to or out / "report", fresh=fresh)
+    status, document = run_suite(
+        models or [], jobs=jobs, scheduler=scheduler, out=out, report=to or out / "report", fresh=fresh
+    )
     if as_json:
         _emit_json(document, as_json)
     if status:
