@@ -49,7 +49,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 _THERE = "__import__('oarlock.cluster').cluster.{}(*arguments)"
-"""By name, for ``eval``: a worker that cannot import what it is sent would end, with nothing said to anybody."""
+"""By name, for ``eval``: a worker that cannot import what it is sent would end without a word to us."""
 
 
 def greet() -> tuple[str, str]:

@@ -25,6 +25,8 @@ Result = TypeVar("Result")
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """A worker is one thread: the cores are shared out between the workers."""
 
+_SLICE_S = 0.5
+
 
 class Workers(Protocol):
     """What ``dispatch`` asks of them."""
@@ -151,6 +153,7 @@ def uninterrupted_children() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    multiprocessing.get_context("spawn").Lock()  # starts multiprocessing's tracker, which lets interruptions in again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -222,7 +225,9 @@ def dispatch(
                         queue.appendleft(item)
                         break
                     broken.append(item)
-            done, _ = wait(flying, return_when=FIRST_COMPLETED)
+            done: set[Future[Result]] = set()
+            while flying and not done:  # in slices: an interruption that reaches another thread does not end a wait
+                done, _ = wait(flying, _SLICE_S, return_when=FIRST_COMPLETED)
             if any(isinstance(future.exception(), BrokenExecutor) for future in done):
                 done, _ = wait(flying)
             lost: LostError | None = None
