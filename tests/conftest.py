@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mechanisms import COMMAND
+from mechanisms import COMMAND, four_bar, write_model
 from oarlock import cli
+from suites import TINY
 
 WHOLE_CASE = "boat_run"
 
@@ -87,3 +88,9 @@ def oarlock_command(tmp_path: Path):
         )
 
     return call
+
+
+@pytest.fixture
+def tiny(tmp_path: Path) -> Path:
+    """A small case of a suite."""
+    return write_model(tmp_path / "tiny", four_bar(), TINY).parent

@@ -306,6 +306,13 @@ def suite(
         typer.Argument(metavar="[MODEL…]", help="Models, variants or MJCF files [default: every model]."),
     ] = None,
     jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Runs at once [default: one a core].")] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS|local",
+            help="Run on a dask.distributed cluster: of that scheduler, tcp://HOST:PORT, or of processes here.",
+        ),
+    ] = None,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for the results, a folder a model; what is there is kept.")
     ] = Path("results"),
@@ -328,7 +335,9 @@ def suite(
     from oarlock.suite_command import run_suite
 
     target = to or out / "report"
-    status, document = run_suite(models or [], jobs=jobs, out=out, report=target, fresh=fresh, sweep=sweep or ())
+    status, document = run_suite(
+        models or [], jobs=jobs, scheduler=scheduler, out=out, report=target, fresh=fresh, sweep=sweep or ()
+    )
     if as_json:
         _emit_json(document, as_json)
     if status:

@@ -18,6 +18,7 @@ PRESENTATION = (
     "catalogue.py",
     "check.py",
     "cli.py",
+    "cluster.py",
     "figures.py",
     "pages.py",
     "report.py",

@@ -15,7 +15,7 @@ from oarlock.errors import few
 from oarlock.pages import write_pages, write_sweep_pages
 from oarlock.suite import Listener, Suite, carry_out, failed, plan_suite, status_of
 from oarlock.sweep import TABLE, parse_axes
-from oarlock.workers import LocalWorkers
+from oarlock.workers import LocalWorkers, Workers
 
 
 class _BarListener(Listener):
@@ -40,25 +40,34 @@ class _BarListener(Listener):
 
 
 def run_suite(
-    models: Sequence[str], *, jobs: int | None, out: Path, report: Path, fresh: bool, sweep: Sequence[str] = ()
+    models: Sequence[str],
+    *,
+    jobs: int | None,
+    scheduler: str | None,
+    out: Path,
+    report: Path,
+    fresh: bool,
+    sweep: Sequence[str] = (),
 ) -> tuple[int, dict[str, Any]]:
     """Runs a suite, writes its report, says what did not hold; gives the exit status and the summary."""
     suite = plan_suite(models, out, parse_axes(sweep))
     for name, lacking in suite.skipped.items():
         _say(f"skipped: {name} has no parameter {few(lacking)}")
+    units, pages = _workers(jobs, scheduler)
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with (
-        closing(LocalWorkers(jobs or _cores())) as workers,
+        closing(pages),
+        closing(units),
         Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar,
     ):
         listener = _BarListener(bar)
-        carry_out(suite, workers, fresh=fresh, listener=listener)
+        carry_out(suite, units, fresh=fresh, listener=listener)
         folders = [member.folder.path for member in suite.members]
         if suite.axes:
-            unwritten = write_sweep_pages(out, folders, report, workers, listener)
+            unwritten = write_sweep_pages(out, folders, report, pages, listener)
         else:
-            unwritten = write_pages(out, folders, report, workers, listener, every=not models)
+            unwritten = write_pages(out, folders, report, pages, listener, every=not models)
     _say_what_failed(suite)
     for table in (member.folder.path / TABLE for member in suite.members if suite.axes):
         if table.is_file():
@@ -66,6 +75,16 @@ def run_suite(
     for message in unwritten:
         _say(f"page not written: {message}")
     return max(status_of(suite), 2 if unwritten else 0), suite.document()
+
+
+def _workers(jobs: int | None, scheduler: str | None) -> tuple[Workers, Workers]:
+    """Who does the units and who makes the pages, which are files here."""
+    if scheduler is None:
+        local = LocalWorkers(jobs or _cores())
+        return local, local
+    from oarlock.cluster import LOCAL, Cluster
+
+    return Cluster(scheduler, jobs or (_cores() if scheduler == LOCAL else None), _say), LocalWorkers(_cores())
 
 
 def _cores() -> int:

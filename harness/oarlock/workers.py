@@ -1,7 +1,7 @@
 """Who does the work of a suite: processes of this machine, or whatever else takes a function and gives a future.
 
-``dispatch`` is all that knows how work is handed out. Another kind of workers (a cluster) is a class with the five
-members of ``Workers``.
+``dispatch`` is all that knows how work is handed out. Another kind of workers is a class with the five members of
+``Workers``: ``LocalWorkers`` here, ``Cluster`` in ``cluster.py``.
 """
 
 import multiprocessing
@@ -17,11 +17,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
+from oarlock.errors import InputError
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """A worker is one thread: the cores are shared out between the workers."""
+
+_SLICE_S = 0.5
 
 
 class Workers(Protocol):
@@ -33,7 +37,14 @@ class Workers(Protocol):
         ...
 
     def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
-        """Hands out an item. A worker that dies is a BrokenExecutor, here or of the future, and breaks them all."""
+        """Hands out an item.
+
+        An item whose worker died twice, where that cannot be another item's fault, is a DiedError of the future.
+        Where it can be, the death is a BrokenExecutor, here or of the future, and breaks all that is in work.
+
+        Raises:
+            LostError: there are no workers any more; also as the error of any future.
+        """
         ...
 
     def renew(self) -> str:
@@ -75,7 +86,7 @@ class LocalWorkers:
             self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"))
         before = multiprocessing.active_children()
         result: Future[Result] = Future()
-        with _uninterrupted_children(), _one_thread():
+        with uninterrupted_children(), _one_thread():
             file = self._pool.submit(_to_file, function, item, self._files.name)
         file.add_done_callback(partial(_from_file, result))
         self._processes += [child for child in multiprocessing.active_children() if child not in before]
@@ -137,11 +148,12 @@ def _signal_or_status(code: int) -> str:
 
 
 @contextmanager
-def _uninterrupted_children() -> Iterator[None]:
+def uninterrupted_children() -> Iterator[None]:
     """Processes started here never see an interruption from the terminal: this process sees it, and ends them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    multiprocessing.get_context("spawn").Lock()  # starts multiprocessing's tracker, which lets interruptions in again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -163,6 +175,10 @@ def _one_thread() -> Iterator[None]:
 
 class DiedError(Exception):
     """An item whose worker died twice, the second time with nothing else in work."""
+
+
+class LostError(InputError):
+    """The workers are gone for good; nothing that is waiting can be done."""
 
 
 class Done(Generic[Item, Result]):
@@ -188,6 +204,9 @@ def dispatch(
 
     When a worker dies, all that was in work is done again, one at a time: the second death is then the item's own
     fault, and the others go on. Workers are killed if the iteration is left early, by an interruption or otherwise.
+
+    Raises:
+        LostError: the workers are gone for good; what was done until then is given before.
     """
     waiting, suspects = deque(items), deque[Item]()
     flying: dict[Future[Result], Item] = {}
@@ -206,15 +225,22 @@ def dispatch(
                         queue.appendleft(item)
                         break
                     broken.append(item)
-            done, _ = wait(flying, return_when=FIRST_COMPLETED)
+            done: set[Future[Result]] = set()
+            while flying and not done:  # in slices: an interruption that reaches another thread does not end a wait
+                done, _ = wait(flying, _SLICE_S, return_when=FIRST_COMPLETED)
             if any(isinstance(future.exception(), BrokenExecutor) for future in done):
                 done, _ = wait(flying)
+            lost: LostError | None = None
             for future in sorted(done, key=list(flying).index):
-                item = flying.pop(future)
-                if isinstance(future.exception(), BrokenExecutor):
+                item, error = flying.pop(future), future.exception()
+                if isinstance(error, BrokenExecutor):
                     broken.append(item)
+                elif isinstance(error, LostError):
+                    lost = error
                 else:
                     yield Done(item, future)
+            if lost:
+                raise lost
             if broken:
                 how = workers.renew()
                 if alone:
