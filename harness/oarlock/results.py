@@ -195,9 +195,15 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _read_table(path: Path) -> pl.DataFrame:
+@contextmanager
+def reading(path: Path) -> Iterator[Path]:
+    """Says which table it was that cannot be read.
+
+    Raises:
+        InputError: it is not there or not whole.
+    """
     try:
-        return pl.read_parquet(path)
+        yield path
     except (OSError, pl.exceptions.PolarsError) as error:
         raise InputError(f"'{path}' cannot be read: {one_line(error)[:120]}") from None
 
@@ -210,7 +216,7 @@ class ResultFolder:
 
     def write_steps(self, result: RunResult) -> None:
         """Keeps the steps of a finished run."""
-        with replacing(self._steps(result.key.slug)) as temporary:
+        with replacing(self.steps_path(result.key.slug)) as temporary:
             result.table().sink_parquet(temporary, compression="zstd", row_group_size=GROUP)
 
     def write_truth(self, truth: pl.DataFrame) -> None:
@@ -220,7 +226,8 @@ class ResultFolder:
 
     def read_truth(self) -> pl.DataFrame:
         """The outside truth at times of the steps."""
-        return _read_table(self.path / "truth.parquet")
+        with reading(self.path / "truth.parquet") as path:
+            return pl.read_parquet(path)
 
     def forget_steps_but(self, slugs: list[str]) -> None:
         """Removes the steps of runs that an earlier summary of this folder had and this one has not."""
@@ -230,13 +237,11 @@ class ResultFolder:
 
     def read_steps(self, slug: str) -> pl.DataFrame:
         """The steps of a run."""
-        return _read_table(self._steps(slug))
+        with reading(self.steps_path(slug)) as path:
+            return pl.read_parquet(path)
 
-    def scan_steps(self, slug: str) -> pl.LazyFrame:
-        """The steps of a run, lazily: the file is read when the table is asked for something."""
-        return pl.scan_parquet(self._steps(slug))
-
-    def _steps(self, slug: str) -> Path:
+    def steps_path(self, slug: str) -> Path:
+        """Where the steps of a run are."""
         return self.path / "steps" / f"{slug}.parquet"
 
     def write_json(self, name: str, content: dict[str, Any]) -> None:

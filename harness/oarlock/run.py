@@ -323,7 +323,7 @@ class _Keeper:
             folder.write_json("sketch.json", sketch(self._setup.model, self._setup.start.qpos, path))
             self._sketched = True
         if result.steps.on_disk:
-            results.tables.append(folder.scan_steps(result.key.slug))
+            results.tables.append(pl.scan_parquet(folder.steps_path(result.key.slug)))
             result.steps.close()
         else:
             results.tables.append(result.table())
