@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -206,7 +207,7 @@ def test_the_summary_does_not_ask_where_the_rows_are(rows, held):
     long, short = recorded(rows, held), recorded(rows, 10**9)
     assert repr(summarise(long)) == repr(summarise(short))
     frame = short.steps.frame()
-    expected = {
+    expected: dict[str, Any] = {
         "min_norm_error_median": frame["min_norm_error"].median(),
         "step_us_median": frame["step_us"].median(),
         "solve_ns_median": frame.select(pl.col("solve_ns") / pl.col("solves")).to_series().median(),
@@ -254,7 +255,7 @@ def test_the_table_of_the_truth_is_thinned_out(monkeypatch):
     steps, places = np.arange(500), np.zeros((500, 1))
     np.testing.assert_array_equal(thin.truth_errors(steps, places), whole.truth_errors(steps, places))
     data = thin.data()
-    assert [thin.truth_error(step, data) for step in steps] == [whole.truth_error(step, data) for step in steps]
+    assert [thin.truth_error(s, data) for s in range(500)] == [whole.truth_error(s, data) for s in range(500)]
 
 
 # Figures.
@@ -373,7 +374,7 @@ PEAK = """
 import json, resource, sys
 from oarlock import spool
 spool.HELD, spool.HELD_TOGETHER = int(sys.argv[1]), 4 * int(sys.argv[1])
-from pathlib import Path
+from typing import Any
 {imports}
 def peak(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 {prepare}

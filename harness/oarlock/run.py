@@ -162,7 +162,7 @@ def plan(case: Case, request: Request) -> list[Task]:
 
 
 def _walks(task: Task) -> int:
-    """Number of walks of a task, for the progress bar; MuJoCo's own trajectory counts where it is needed."""
+    """Number of walks of a task, for the progress bar."""
     if task.mode == "free":
         return sum(1 if spec.name == MUJOCO else len(task.forms) for spec in task.solvers)
     return 1
