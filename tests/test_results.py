@@ -60,7 +60,7 @@ def recorded(**columns):
     recorder = Recorder()
     for values in zip(*columns.values(), strict=True):
         recorder.append(**dict(zip(columns, values, strict=True)))
-    return RunResult(KEY, "done", "", recorder.frame())
+    return RunResult(KEY, "done", "", recorder.steps())
 
 
 # The summary.
@@ -212,7 +212,7 @@ def test_file_names_tell_settings_apart(tmp_path):
 
 def test_names_of_settings_cannot_leave_the_folder(tmp_path):
     key = RunKey("../c", "free", "pinv", "pinv", "hard", "rk4", "../../etc/passwd", "python", 1e-3, 3)
-    ResultFolder(tmp_path / "in").write_steps(RunResult(key, "done", "", Recorder().frame()))
+    ResultFolder(tmp_path / "in").write_steps(RunResult(key, "done", "", Recorder().steps()))
     assert [path.parent for path in tmp_path.rglob("*.parquet")] == [tmp_path / "in" / "steps"]
 
 

@@ -11,6 +11,7 @@ from oarlock.case_file import Gate
 from oarlock.cases import Case
 from oarlock.errors import InputError
 from oarlock.results import RunResult
+from oarlock.spool import Spool
 
 TIMING_FIGURES = ("solve_ns_median", "step_us_median")
 """Figures that change from run to run on the same machine."""
@@ -23,13 +24,64 @@ def _number(value: Any) -> float | int | None:
     return value
 
 
-def _maximum(steps: pl.DataFrame, column: str) -> float | None:
-    return _number(steps[column].max())
+_MAXIMA = (
+    "iterations_worst",
+    "rank",
+    "min_norm_error",
+    "residual_rel",
+    "inconsistency",
+    "qacc_rel_diff",
+    "qfrc_constraint_rel_diff",
+    "drift_pos",
+    "drift_vel",
+    "drift_acc",
+    "projection_rounds",
+    "projection_moved",
+    "truth_error",
+    "published_position_error",
+    "published_velocity_error_rel",
+    "published_multiplier_error_rel",
+    "trajectory_diff",
+)
+_SUMS = (
+    "solves",
+    "unconverged",
+    "iterations",
+    "refreshes",
+    "refolds",
+    "projection_rounds",
+    "projection_solves",
+    "projection_iterations",
+)
+_COUNTS = ("refreshes", "refolds", "projection", "projection_rounds")
 
 
-def _ratio(steps: pl.DataFrame, column: str, over: str) -> float | None:
-    total = int(steps[over].sum())
-    return int(steps[column].sum()) / total if total else None
+def _ratio(figure: int, over: int) -> float | None:
+    return figure / over if over else None
+
+
+def _median(steps: Spool, figure: pl.Expr) -> float | None:
+    """The median of the steps that have the figure. It needs a whole column, and holds nothing else."""
+    values, count = np.empty(len(steps)), 0
+    for chunk in steps.chunks(figure.meta.root_names()):
+        found = chunk.select(figure).to_series().drop_nulls().to_numpy()
+        values[count : count + len(found)] = found
+        count += len(found)
+    if not count:
+        return None
+    low, high = (count - 1) // 2, count // 2
+    values = values[:count]
+    values.partition((low, high))
+    return _number(pl.Series(values[low : high + 1]).median())
+
+
+def _energy_drift(steps: Spool) -> float | None:
+    energy, kinetic = pl.col("energy"), pl.col("kinetic_energy")
+    start, largest = steps.collect(energy.first(), kinetic.fill_null(math.nan).nan_max()).row(0)
+    if start is None or not largest:
+        return None
+    drift = steps.collect((energy - start).abs().fill_null(math.nan).nan_max()).item()
+    return _number(drift / largest)
 
 
 def summarise(result: RunResult) -> dict[str, Any]:
@@ -40,53 +92,54 @@ def summarise(result: RunResult) -> dict[str, Any]:
     counts the steps whose projection did not land; energy_drift_rel is relative to the largest kinetic energy.
     """
     steps, key = result.steps, result.key
+    col = pl.col
+    found = steps.collect(
+        *(col(name).max().alias(f"max {name}") for name in _MAXIMA),
+        *(col(name).sum().alias(f"sum {name}") for name in _SUMS),
+        *(col(name).count().alias(f"count {name}") for name in _COUNTS),
+        col("rank").min().alias("min rank"),
+        col("refreshes").first().alias("first refreshes"),
+        (col("projection") != "landed").sum().alias("unprojected"),
+    ).row(0, named=True)
+    largest = {name: _number(found[f"max {name}"]) for name in _MAXIMA}
+    total = {name: int(found[f"sum {name}"]) for name in _SUMS}
+    count = {name: int(found[f"count {name}"]) for name in _COUNTS}
+    refreshes = total["refreshes"] - int((found["first refreshes"] or 0) > 0)
     row: dict[str, Any] = {"run": key.slug, **asdict(key)}
-    solves = int(steps["solves"].sum() or 0)
-    iterates = int(steps["iterations"].sum() or 0)
-    refreshes = None
-    if steps["refreshes"].null_count() < len(steps):
-        refreshes = int(steps["refreshes"].sum()) - int((steps["refreshes"][0] or 0) > 0)
-    energy_drift = None
-    kinetic = steps["kinetic_energy"].max()
-    if kinetic:
-        energy = steps["energy"].to_numpy()
-        energy_drift = float(np.abs(energy - energy[0]).max() / steps["kinetic_energy"].to_numpy().max())
-    landings = steps["projection"].drop_nulls()
-    solve_ns = steps.select(pl.col("solve_ns") / pl.col("solves")).to_series().median()
     row.update(
         status=result.status,
         message=result.message,
         steps_done=len(steps),
-        solves=solves,
-        unconverged=int(steps["unconverged"].sum() or 0),
-        iterations_mean=_number(iterates / solves if solves else None),
-        iterations_max=steps["iterations_worst"].max(),
-        refreshes=refreshes,
-        refolds=steps["refolds"].sum() if steps["refolds"].null_count() < len(steps) else None,
-        rank_min=steps["rank"].min(),
-        rank_max=steps["rank"].max(),
-        min_norm_error_max=_maximum(steps, "min_norm_error"),
-        min_norm_error_median=_number(steps["min_norm_error"].median()),
-        residual_rel_max=_maximum(steps, "residual_rel"),
-        inconsistency_max=_maximum(steps, "inconsistency"),
-        qacc_rel_diff_max=_maximum(steps, "qacc_rel_diff"),
-        qfrc_constraint_rel_diff_max=_maximum(steps, "qfrc_constraint_rel_diff"),
-        drift_pos_max=_maximum(steps, "drift_pos"),
-        drift_vel_max=_maximum(steps, "drift_vel"),
-        drift_acc_max=_maximum(steps, "drift_acc"),
-        unprojected=int((landings != "landed").sum()) if len(landings) else None,
-        projection_rounds_mean=_number(steps["projection_rounds"].mean()),
-        projection_rounds_max=steps["projection_rounds"].max(),
-        projection_iterations_mean=_ratio(steps, "projection_iterations", "projection_solves"),
-        projection_moved_max=_maximum(steps, "projection_moved"),
-        energy_drift_rel=_number(energy_drift),
-        truth_error_max=_maximum(steps, "truth_error"),
-        published_position_error_max=_maximum(steps, "published_position_error"),
-        published_velocity_error_rel_max=_maximum(steps, "published_velocity_error_rel"),
-        published_multiplier_error_rel_max=_maximum(steps, "published_multiplier_error_rel"),
-        trajectory_diff_max=_maximum(steps, "trajectory_diff"),
-        solve_ns_median=_number(solve_ns),
-        step_us_median=_number(steps["step_us"].median()),
+        solves=total["solves"],
+        unconverged=total["unconverged"],
+        iterations_mean=_ratio(total["iterations"], total["solves"]),
+        iterations_max=largest["iterations_worst"],
+        refreshes=refreshes if count["refreshes"] else None,
+        refolds=total["refolds"] if count["refolds"] else None,
+        rank_min=found["min rank"],
+        rank_max=largest["rank"],
+        min_norm_error_max=largest["min_norm_error"],
+        min_norm_error_median=_median(steps, col("min_norm_error")),
+        residual_rel_max=largest["residual_rel"],
+        inconsistency_max=largest["inconsistency"],
+        qacc_rel_diff_max=largest["qacc_rel_diff"],
+        qfrc_constraint_rel_diff_max=largest["qfrc_constraint_rel_diff"],
+        drift_pos_max=largest["drift_pos"],
+        drift_vel_max=largest["drift_vel"],
+        drift_acc_max=largest["drift_acc"],
+        unprojected=int(found["unprojected"]) if count["projection"] else None,
+        projection_rounds_mean=_ratio(total["projection_rounds"], count["projection_rounds"]),
+        projection_rounds_max=largest["projection_rounds"],
+        projection_iterations_mean=_ratio(total["projection_iterations"], total["projection_solves"]),
+        projection_moved_max=largest["projection_moved"],
+        energy_drift_rel=_energy_drift(steps),
+        truth_error_max=largest["truth_error"],
+        published_position_error_max=largest["published_position_error"],
+        published_velocity_error_rel_max=largest["published_velocity_error_rel"],
+        published_multiplier_error_rel_max=largest["published_multiplier_error_rel"],
+        trajectory_diff_max=largest["trajectory_diff"],
+        solve_ns_median=_median(steps, col("solve_ns") / col("solves")),
+        step_us_median=_median(steps, col("step_us")),
     )
     return row
 

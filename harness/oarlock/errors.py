@@ -5,7 +5,7 @@ from typing import TypeVar
 
 from oarlock._core import InputError
 
-__all__ = ["InputError", "RefusedError", "choose", "few", "one_line"]
+__all__ = ["DiskError", "InputError", "RefusedError", "choose", "few", "one_line"]
 
 _NAMED = 4
 """So many things a message names; of more it gives the number."""
@@ -13,6 +13,10 @@ _NAMED = 4
 
 class RefusedError(InputError):
     """A model that must not be run like this, found out on the way; ends everything, unlike a run that diverges."""
+
+
+class DiskError(InputError):
+    """The disk does not take what a run gives; ends everything, as ``RefusedError``."""
 
 
 def one_line(text: object) -> str:

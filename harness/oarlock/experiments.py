@@ -6,6 +6,8 @@ They are walked on the native path or on the Python path.
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import polars as pl
@@ -17,10 +19,11 @@ from oarlock.cases import Case
 from oarlock.errors import InputError
 from oarlock.native_path import NativePath
 from oarlock.projection import TRACKED
-from oarlock.python_path import PythonPath, Tick
-from oarlock.results import RunKey, RunResult
+from oarlock.python_path import PythonPath, Spools, Tick
+from oarlock.results import SCHEMA, RunKey, RunResult
 from oarlock.setup import Setup
 from oarlock.solvers import MUJOCO, SolverSpec
+from oarlock.spool import Spool, spools
 from oarlock.truth import load_truth
 
 Stepping = Literal["auto", "native", "python"]
@@ -63,7 +66,10 @@ def run_key(
 
 
 class Laboratory:
-    """Runs the tasks of one case; with a time constant or a disturbed start of ``Setup`` where they are given."""
+    """Runs the tasks of one case; with a time constant or a disturbed start of ``Setup`` where they are given.
+
+    What is too long for the memory is kept for the time being in ``folder``, or where the system keeps such.
+    """
 
     def __init__(
         self,
@@ -76,12 +82,15 @@ class Laboratory:
         stepping: Stepping = "auto",
         solref_s: float | None = None,
         seed: int | None = None,
+        folder: Path | None = None,
     ):
         self.case = case
         self._solref_s, self._seed = solref_s, seed
         self._ignoring = ignore_inequalities
         self._timestep_s, self._duration_s = timestep_s, duration_s
         self._tick = tick
+        # Not always the system's own folder: that may be memory, and where the results go there must be room anyway.
+        self._spools: Spools = partial(spools, schema=SCHEMA, folder=folder)
         self._truth = load_truth(case) if seed is None else None  # it knows the case's own start only
         self._stepping: Stepping = stepping
 
@@ -108,7 +117,7 @@ class Laboratory:
         setup = self.setup(task.integrator, task.settings)
         path = self._path(task, setup)
 
-        def results(names: list[tuple[str, Form | None]], tables: list[pl.DataFrame], message: str):
+        def results(names: list[tuple[str, Form | None]], tables: list[Spool], message: str):
             for (solver, form), steps in zip(names, tables, strict=True):
                 yield self._result(task, setup, path.name, solver, form, steps, message)
 
@@ -131,11 +140,11 @@ class Laboratory:
         if self._stepping != "python":
             refusal = native_path.refusal()
             if not refusal:
-                return NativePath(setup, terms, self._make, self._tick)
+                return NativePath(setup, terms, self._make, self._tick, self._spools)
             if self._stepping == "native":
                 raise InputError(f"no native stepping: {refusal}")
             warnings.warn(f"stepping in Python, which is slower: {refusal}", stacklevel=2)
-        return PythonPath(setup, terms, self._make, self._tick)
+        return PythonPath(setup, terms, self._make, self._tick, self._spools)
 
     def _make(self, spec: SolverSpec) -> MultiplierSolver:
         return spec.with_defaults(rank_cut=self.case.file.rank_cut).make()
@@ -145,10 +154,10 @@ class Laboratory:
         return TRACKED.with_defaults(rank_cut=self.case.file.rank_cut) if projects else None
 
     def _result(
-        self, task: Task, setup: Setup, path: str, solver: str, form: Form | None, steps: pl.DataFrame, message: str
+        self, task: Task, setup: Setup, path: str, solver: str, form: Form | None, steps: Spool, message: str
     ) -> RunResult:
         key = run_key(self.case.name, task, solver, form, setup.timestep_s, setup.steps, path)
-        unconverged = steps["unconverged"].sum() or 0
-        unprojected = (steps["projection"] != "landed").sum() or 0
+        ends = steps.collect(pl.col("unconverged").sum(), (pl.col("projection") != "landed").sum())
+        unconverged, unprojected = ends.row(0)
         status = "diverged" if message else "unconverged" if unconverged else "unprojected" if unprojected else "done"
         return RunResult(key, status, message, steps)

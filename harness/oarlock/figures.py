@@ -13,6 +13,12 @@ WIDTH, HEIGHT = 720, 180
 SAMPLES = 400
 """Points of a curve. More would make the files large and show nothing new at this width."""
 
+STRETCHES = 20_000
+"""Rows of a table that figures are drawn from, where it is longer than ``LONG``."""
+
+LONG = 100_000
+"""Rows of a table up to which figures are drawn from all of them."""
+
 TRACED = 4800
 """Points of all traces of a mechanism. With many loops each is traced more coarsely."""
 
@@ -80,6 +86,40 @@ def _significant(frame: pl.DataFrame) -> pl.DataFrame:
     What is not known becomes a gap: JSON has no NaN.
     """
     return frame.with_columns(pl.col("value").fill_nan(None).round_sig_figs(6))
+
+
+def condensed(steps: pl.LazyFrame, height: int) -> pl.LazyFrame:
+    """A long table of ``height`` rows in stretches of equal length, which no curve shows; needs the column ``step``.
+
+    Time and coordinates are those at the beginning of a stretch, iterations its mean. Of other figures, and of each row
+    of the constraints, it has the largest magnitude, or NaN where there is one: no peak is lost, and no gap.
+    """
+    if height <= LONG:
+        return steps
+    schema, kept, lists = steps.collect_schema(), [], []
+    for name, kind in schema.items():
+        column = pl.col(name)
+        if name in ("time_s", "qpos"):
+            kept.append(column.first())
+        elif name == "iterations":
+            kept.append(column.mean())
+        elif kind == pl.List(pl.Float64):
+            width = steps.select(column.first().list.len()).collect().item() or 0
+            whole = pl.when(column.list.len() == width)
+            entries = [whole.then(column.list.get(entry, null_on_oob=True)) for entry in range(width)]
+            names = [f"{name} {entry}" for entry in range(width)]
+            kept += [
+                _largest(entry.otherwise(math.nan)).alias(name) for entry, name in zip(entries, names, strict=True)
+            ]
+            lists.append(pl.concat_list(names).alias(name))
+        elif name != "step":
+            kept.append(_largest(column))
+    stretch = pl.col("step") // math.ceil(height / STRETCHES)
+    return steps.group_by(stretch).agg(kept).sort("step").with_columns(lists).select(schema.names())
+
+
+def _largest(column: pl.Expr) -> pl.Expr:
+    return column.abs().nan_max()
 
 
 def columns_of(steps: pl.DataFrame, name: str) -> np.ndarray:
@@ -165,8 +205,11 @@ def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str, unit: str) -
     return alt.vconcat(*panels)
 
 
-def iterations(steps: pl.DataFrame, paper: float | None) -> alt.TopLevelMixin:
-    """Mean iterations of stretches of the run beside the paper's mean, and how often each count occurred."""
+def iterations(steps: pl.DataFrame, counted: pl.DataFrame, paper: float | None) -> alt.TopLevelMixin:
+    """Mean iterations of stretches of the run beside the paper's mean, and how often each count occurred.
+
+    ``counted`` has a row a number of iterations: ``iterations`` and ``len``, the number of its solves.
+    """
     time, counts = steps["time_s"].to_numpy(), steps["iterations"].to_numpy().astype(float)
     edges = np.linspace(0, len(time), min(120, len(time)) + 1).astype(int)
     means = [counts[a:b].mean() for a, b in itertools.pairwise(edges)]
@@ -185,9 +228,9 @@ def iterations(steps: pl.DataFrame, paper: float | None) -> alt.TopLevelMixin:
             .encode(y=y, text="text:N", x=alt.value(WIDTH - 180))
         )
         line = line + rule + text
-    values, totals = np.unique(counts.astype(int), return_counts=True)
+    bars = counted.sort("iterations").select(count=pl.col("iterations").cast(pl.String), solves="len")
     histogram = (
-        alt.Chart(pl.DataFrame({"count": [str(v) for v in values], "solves": totals}))
+        alt.Chart(bars)
         .mark_bar(color=COLOURS["exact (sr1)"])
         .encode(
             x=alt.X("count:O", title="iterations", axis=alt.Axis(labelAngle=0)),

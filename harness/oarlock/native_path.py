@@ -16,16 +16,17 @@ from oarlock import _core
 from oarlock.case_file import Baumgarte, Form
 from oarlock.errors import InputError, one_line
 from oarlock.inequalities import refuse_inequalities
-from oarlock.python_path import Make, Tables, Tick
+from oarlock.python_path import Make, Spools, Tables, Tick
 from oarlock.results import SCHEMA
 from oarlock.setup import Setup
 from oarlock.solvers import MUJOCO, REFERENCE, SolverSpec
+from oarlock.spool import Spool
 
 TICK_STEPS = 200
 """Steps between two reports of progress, and between two looks at interruptions."""
 
-CHUNK_STEPS = 50_000
-"""Rows that the core holds at most before they are taken over."""
+CHUNK_ROWS = 10_000
+"""Rows, of all tables of a walk together, that the core holds at most before they are taken over."""
 
 
 @cache
@@ -51,8 +52,8 @@ class NativePath:
 
     name = "native"
 
-    def __init__(self, setup: Setup, terms: Baumgarte, make: Make, tick: Tick):
-        self._setup, self._make, self._tick = setup, make, tick
+    def __init__(self, setup: Setup, terms: Baumgarte, make: Make, tick: Tick, spools: Spools):
+        self._setup, self._make, self._tick, self._spools = setup, make, tick, spools
         self.core = _core.Setup(
             setup.model,
             qpos=setup.start.qpos,
@@ -77,12 +78,12 @@ class NativePath:
         questions = [(form, make(SolverSpec(REFERENCE)), [make(spec) for spec in solvers]) for form in forms]
         leader = None if walker.name == MUJOCO else make(walker)
         last = make(projector) if projector else None
-        return self._walk(self.core.lockstep(self._setup.steps, questions, leader, last))
+        return self._walk(self.core.lockstep(self._setup.steps, questions, leader, last), len(forms) * len(solvers))
 
     def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
         """As ``PythonPath``."""
         asked = [(form, self._make(spec)) for form in forms for spec in solvers]
-        return self._walk(self.core.one_step(self._setup.steps, asked))
+        return self._walk(self.core.one_step(self._setup.steps, asked), len(asked))
 
     def free(self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None) -> Tables:
         """As ``PythonPath``."""
@@ -92,17 +93,22 @@ class NativePath:
         last = make(projector) if projector else None
         return self._walk(self.core.free_solved(steps, form, make(solver), make(SolverSpec(REFERENCE)), last))
 
-    def _walk(self, run: _core.Run) -> Tables:
-        parts: list[list[pl.DataFrame]] = []
+    def _walk(self, run: _core.Run, count: int = 1) -> Tables:
+        """Walks all steps; ``count`` is the number of those who answer."""
+        tables = self._spools(count)
         rows = 0
         for taken in self._advance(run):
-            rows += taken
-            if rows >= CHUNK_STEPS:
-                parts.append(self._tables(run))
+            rows += taken * count
+            if rows >= CHUNK_ROWS:
+                self._take_over(run, tables)
                 rows = 0
-        parts.append(self._tables(run))
-        message = self._message(run)
-        return [pl.concat(chunks) for chunks in zip(*parts, strict=True)], message
+        self._take_over(run, tables)
+        return tables, self._message(run)
+
+    def _take_over(self, run: _core.Run, tables: list[Spool]) -> None:
+        errors = self._published(run)
+        for table, columns in zip(tables, run.tables(), strict=True):
+            table.append(self._frame(columns, errors))
 
     def _advance(self, run: _core.Run) -> Iterator[int]:
         left = self._setup.steps
@@ -138,10 +144,6 @@ class NativePath:
         mujoco.mj_fwdPosition(setup.model, data)
         mujoco.mj_fwdVelocity(setup.model, data)
         refuse_inequalities(setup.model, data)
-
-    def _tables(self, run: _core.Run) -> list[pl.DataFrame]:
-        errors = self._published(run)
-        return [self._frame(columns, errors) for columns in run.tables()]
 
     def _published(self, run: _core.Run) -> dict[int, dict[str, float]]:
         """Step → how far its state is from what is printed for it."""

@@ -4,20 +4,21 @@ Rows are written at the start of every step, where state, question and answer be
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from typing import TypeVar
 
 import mujoco
 import numpy as np
-import polars as pl
 
 from oarlock._core import MultiplierSolver
 from oarlock.case_file import Baumgarte, Form
-from oarlock.errors import InputError, RefusedError, one_line
+from oarlock.errors import DiskError, InputError, RefusedError, one_line
 from oarlock.metrics import Energy, against_mujoco, drift, largest, projecting, solving
 from oarlock.projection import Projector
 from oarlock.results import Recorder
 from oarlock.setup import Setup
 from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
+from oarlock.spool import Spool
 from oarlock.state import State
 from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker
 
@@ -30,10 +31,35 @@ Tick = Callable[[int], None]
 Finish = Callable[[float], None]
 """Called with the time in µs that the step took, once it is taken: writes the rows that were begun before it."""
 
-Tables = tuple[list[pl.DataFrame], str]
+Spools = Callable[[int], list[Spool]]
+"""Makes a spool for each table of one walk."""
+
+Tables = tuple[list[Spool], str]
 """A table for each who answers, and what ended the run early, or nothing."""
 
+Key = TypeVar("Key")
+
 _TICK_STEPS = 200
+
+
+class Companion:
+    """MuJoCo's own trajectory, beside another one. Run it inside ``drive.installed()``, as ``MujocoWalker``."""
+
+    def __init__(self, setup: Setup):
+        self._setup = setup
+        self._walker = MujocoWalker(setup.model, setup.data())
+        self._alive = True
+
+    def compare(self, qpos: np.ndarray) -> float | None:
+        """How far positions are from it (rad or m), None where it did not get to; then takes its next step."""
+        if not self._alive:
+            return None
+        data = self._walker.data
+        apart = self._setup.apart(data.qpos, qpos)
+        self._walker.look()
+        self._walker.step()
+        self._alive = bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
+        return apart
 
 
 class PythonPath:
@@ -41,17 +67,16 @@ class PythonPath:
 
     name = "python"
 
-    def __init__(self, setup: Setup, terms: Baumgarte, make: Make, tick: Tick):
-        self._setup, self._terms, self._make, self._tick = setup, terms, make, tick
-        self._theirs: np.ndarray | None = None
+    def __init__(self, setup: Setup, terms: Baumgarte, make: Make, tick: Tick, spools: Spools):
+        self._setup, self._terms, self._make, self._tick, self._spools = setup, terms, make, tick, spools
 
     def calibration(self) -> Tables:
         """MuJoCo's own force through our stepping, against MuJoCo: the trajectory difference must be rounding."""
         setup = self._setup
-        theirs = self._mujoco_trajectory()
+        theirs = Companion(setup)
         data = setup.data()
         walker = ForcedWalker(setup.model, data, setup.drive, MujocoForce(setup.model))
-        recorder = Recorder()
+        recorder = self._recorder()
 
         def record(step: int) -> Finish:
             figures = {
@@ -60,14 +85,14 @@ class PythonPath:
                 "status": "converged",
                 "drift_pos": largest(data.efc_pos[: data.ne]),
                 "drift_vel": largest(data.efc_vel[: data.ne]),
-                "trajectory_diff": setup.apart(theirs[step], data.qpos),
+                "trajectory_diff": theirs.compare(data.qpos),
                 "truth_error": setup.truth_error(step, data),
                 "qpos": data.qpos.copy(),
             }
             return lambda step_us: recorder.append(**figures, step_us=step_us)
 
         message = self._walk(walker, record)
-        return [recorder.frame()], message
+        return [recorder.steps()], message
 
     def lockstep(
         self,
@@ -93,7 +118,7 @@ class PythonPath:
             leader = ForcedWalker(setup.model, data, setup.drive, force, last)
         questions = [(Question(state, form), self._make(SolverSpec(REFERENCE))) for form in forms]
         answering = {(form, spec): self._make(spec) for form in forms for spec in solvers}
-        recorders = {key: Recorder() for key in answering}
+        recorders = self._recorders(answering)
 
         def record(step: int) -> Finish:
             state.read()
@@ -119,7 +144,7 @@ class PythonPath:
             return finish
 
         message = self._walk(leader, record)
-        return [recorder.frame() for recorder in recorders.values()], message
+        return [recorder.steps() for recorder in recorders.values()], message
 
     def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
         """From each of MuJoCo's states, one step each: what a single step adds to the difference. Form by form.
@@ -129,9 +154,8 @@ class PythonPath:
         setup = self._setup
         data, ours = setup.data(), setup.data()
         state = self._state(ours)
-        recorders: dict[tuple[Form, SolverSpec], Recorder] = {
-            (form, spec): Recorder() for form in forms for spec in solvers
-        }
+        asked: list[tuple[Form, SolverSpec]] = [(form, spec) for form in forms for spec in solvers]
+        recorders = self._recorders(asked)
         forces = {key: SolvedForce(state, key[0], self._make(key[1])) for key in recorders}
         walkers = {key: ForcedWalker(setup.model, ours, setup.drive, force) for key, force in forces.items()}
 
@@ -155,7 +179,7 @@ class PythonPath:
             return finish
 
         message = self._walk(MujocoWalker(setup.model, data), record)
-        return [recorder.frame() for recorder in recorders.values()], message
+        return [recorder.steps() for recorder in recorders.values()], message
 
     def free(self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None) -> Tables:
         """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form."""
@@ -169,7 +193,7 @@ class PythonPath:
         state = self._state(data)
         walker = MujocoWalker(setup.model, data)
         energy = Energy(setup.model)
-        recorder = Recorder()
+        recorder = self._recorder()
 
         def record(step: int) -> Finish:
             state.read()
@@ -188,11 +212,11 @@ class PythonPath:
             return lambda step_us: recorder.append(**figures, step_us=step_us)
 
         message = self._walk(walker, record)
-        return [recorder.frame()], message
+        return [recorder.steps()], message
 
     def _free_solved(self, solver: SolverSpec, form: Form, projector: SolverSpec | None) -> Tables:
         setup = self._setup
-        theirs = self._mujoco_trajectory()
+        theirs = Companion(setup)
         data = setup.data()
         state = self._state(data)
         force = SolvedForce(state, form, self._make(solver))
@@ -200,12 +224,12 @@ class PythonPath:
         walker = ForcedWalker(setup.model, data, setup.drive, force, last)
         reference_solver = self._make(SolverSpec(REFERENCE))
         energy = Energy(setup.model)
-        recorder = Recorder()
+        recorder = self._recorder()
 
         def record(step: int) -> Finish:
             figures = {
                 **self._common(step, data, state, data.qacc),
-                "trajectory_diff": setup.apart(theirs[step], data.qpos),
+                "trajectory_diff": theirs.compare(data.qpos),
                 **energy.of(data),
                 **setup.published.errors(step, data),
                 "multipliers": force.answers[0].multipliers,
@@ -220,7 +244,7 @@ class PythonPath:
             return finish
 
         message = self._walk(walker, record)
-        return [recorder.frame()], message
+        return [recorder.steps()], message
 
     def _state(self, data: mujoco.MjData) -> State:
         return State(self._setup.model, data, self._terms)
@@ -243,7 +267,7 @@ class PythonPath:
                     recorded = time.perf_counter()
                     walker.step()
                     finish(1e6 * (time.perf_counter() - recorded + looked - began))
-                except RefusedError:
+                except (RefusedError, DiskError):
                     raise
                 except InputError as error:
                     if step == 0:
@@ -258,20 +282,11 @@ class PythonPath:
         self._tick(ticks)
         return ""
 
-    def _mujoco_trajectory(self) -> np.ndarray:
-        """MuJoCo's own free run, (steps, nq); NaN where it did not get to."""
-        if self._theirs is None:
-            setup = self._setup
-            path = np.full((setup.steps, setup.model.nq), np.nan)
-            data = setup.data()
+    def _recorder(self) -> Recorder:
+        return Recorder(*self._spools(1))
 
-            def record(step: int) -> Finish:
-                path[step] = data.qpos
-                return lambda _step_us: None
-
-            self._walk(MujocoWalker(setup.model, data), record)
-            self._theirs = path
-        return self._theirs
+    def _recorders(self, keys: Collection[Key]) -> dict[Key, Recorder]:
+        return {key: Recorder(spool) for key, spool in zip(keys, self._spools(len(keys)), strict=True)}
 
     def _common(self, step: int, data: mujoco.MjData, state: State, qacc: np.ndarray) -> dict:
         return {

@@ -11,13 +11,14 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import altair as alt
 import jinja2
+import polars as pl
 import vl_convert
 from markdown_it import MarkdownIt
 
@@ -25,7 +26,7 @@ from oarlock import figures
 from oarlock.aggregate import TIMING_FIGURES
 from oarlock.errors import InputError
 from oarlock.provenance import OCCASION
-from oarlock.results import ResultFolder
+from oarlock.results import ResultFolder, reading
 
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
 """What a report consists of. A folder that holds anything else is not replaced."""
@@ -117,9 +118,17 @@ class Tables:
         joint = self.case["truth"]["joint"] if self.case["truth"] else None
         return next((c["unit"] for c in self.case["model"]["coordinates"] if c["name"] == joint), "m")
 
-    def steps(self, row: dict[str, Any]):
-        """The steps of a run."""
-        return self.folder.read_steps(row["run"])
+    def steps(self, row: dict[str, Any], *columns: str) -> pl.DataFrame:
+        """Columns of the steps of a run; of a long one condensed."""
+        return self._read(row, lambda steps: figures.condensed(steps.select("step", *columns), row["steps_done"]))
+
+    def counted(self, row: dict[str, Any], column: str) -> pl.DataFrame:
+        """How many steps have each value of a column, as ``len``."""
+        return self._read(row, lambda steps: steps.group_by(column).len())
+
+    def _read(self, row: dict[str, Any], what: Callable[[pl.LazyFrame], pl.LazyFrame]) -> pl.DataFrame:
+        with reading(self.folder.steps_path(row["run"])) as path:
+            return what(pl.scan_parquet(path)).collect(engine="streaming")
 
 
 def draw(tables: Tables) -> list[Figure]:
@@ -131,7 +140,8 @@ def draw(tables: Tables) -> list[Figure]:
             figures.mechanism(tables.sketch),
         )
     ]
-    free = {who: tables.steps(row) for who, row in tables.free_runs().items()}
+    columns = ("time_s", "qpos", "truth_error", "residual")
+    free = {who: tables.steps(row, *columns) for who, row in tables.free_runs().items()}
     pair = {who: free[who] for who in ("MuJoCo default", "exact (pinv)") if who in free}
     if pair:
         joint = (tables.case["truth"] or {}).get("joint")
@@ -153,10 +163,12 @@ def draw(tables: Tables) -> list[Figure]:
         drawn.append(Figure("deviations", caption, chart))
     iterating = tables.pick(mode="lockstep", form="hard", walker="pinv", solver="sr1")
     if iterating:
-        steps = tables.steps(iterating)
+        steps = tables.steps(iterating, "time_s", "iterations", "min_norm_error")
         paper = (tables.case["paper"] or {}).get("iterations_mean")
         caption = "Iterations of sr1 along the exact trajectory, one solve a step: means of stretches, and all counts."
-        drawn.append(Figure("iterations", caption, figures.iterations(steps, paper)))
+        drawn.append(
+            Figure("iterations", caption, figures.iterations(steps, tables.counted(iterating, "iterations"), paper))
+        )
         caption = "Distance of sr1's multipliers from the minimum-norm ones, relative, at the same states."
         chart = figures.over_time({"exact (sr1)": steps}, "min_norm_error", "‖λ − A⁺b‖ / ‖A⁺b‖")
         drawn.append(Figure("min_norm", caption, chart))

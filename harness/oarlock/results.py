@@ -17,6 +17,7 @@ from typing import Any
 import polars as pl
 
 from oarlock.errors import InputError, one_line
+from oarlock.spool import GROUP, Spool, reason
 
 SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
     "step": pl.Int64,
@@ -57,6 +58,9 @@ SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
     "multipliers": pl.List(pl.Float64),
 }
 """Columns of a steps table; a figure that does not apply is null."""
+
+RECORDED = 2000
+"""Rows that a recorder holds at most."""
 
 
 @dataclass(frozen=True)
@@ -105,35 +109,43 @@ class RunResult:
     key: RunKey
     status: str
     message: str
-    steps: pl.DataFrame
+    steps: Spool
 
-    def table(self) -> pl.DataFrame:
+    def table(self) -> pl.LazyFrame:
         """The steps with the key in front of every row."""
         key = [
             pl.lit(value, dtype=pl.String if value is None else None).alias(name)
             for name, value in asdict(self.key).items()
         ]
         names = [name for name in SCHEMA if name not in asdict(self.key)]
-        return self.steps.select(pl.col("step"), *key, *(pl.col(name) for name in names if name != "step"))
+        return self.steps.lazy().select(pl.col("step"), *key, *(pl.col(name) for name in names if name != "step"))
 
 
 class Recorder:
-    """Collects the rows of one run."""
+    """Collects the rows of one run, and hands them over in chunks: as Python objects they take much room."""
 
-    def __init__(self) -> None:
-        self._columns: dict[str, list[Any]] = {name: [] for name in SCHEMA}
+    def __init__(self, spool: Spool | None = None) -> None:
+        self._spool = Spool(SCHEMA) if spool is None else spool
+        self._clear()
 
     def append(self, **figures: Any) -> None:
         """One step; what is not given is null."""
         for name, column in self._columns.items():
             column.append(figures.get(name))
+        if len(self._columns["step"]) >= RECORDED:
+            self._hand_over()
 
-    def __len__(self) -> int:
-        return len(self._columns["step"])
+    def steps(self) -> Spool:
+        """The rows."""
+        self._hand_over()
+        return self._spool
 
-    def frame(self) -> pl.DataFrame:
-        """The rows as a table."""
-        return pl.DataFrame(self._columns, schema=SCHEMA, strict=False)
+    def _hand_over(self) -> None:
+        self._spool.append(pl.DataFrame(self._columns, schema=SCHEMA, strict=False))
+        self._clear()
+
+    def _clear(self) -> None:
+        self._columns: dict[str, list[Any]] = {name: [] for name in SCHEMA}
 
 
 @contextmanager
@@ -149,8 +161,8 @@ def replacing(path: Path) -> Iterator[Path]:
             path.parent.mkdir(parents=True, exist_ok=True)
             yield temporary
             os.replace(temporary, path)
-    except OSError as error:
-        raise InputError(f"cannot write '{path}': {error.strerror or error}") from None
+    except (OSError, pl.exceptions.ComputeError) as error:
+        raise InputError(f"cannot write '{path}': {reason(error)}") from None
     finally:
         with suppress(OSError):
             temporary.unlink()
@@ -183,9 +195,15 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
-def _read_table(path: Path) -> pl.DataFrame:
+@contextmanager
+def reading(path: Path) -> Iterator[Path]:
+    """Says which table it was that cannot be read.
+
+    Raises:
+        InputError: it is not there or not whole.
+    """
     try:
-        return pl.read_parquet(path)
+        yield path
     except (OSError, pl.exceptions.PolarsError) as error:
         raise InputError(f"'{path}' cannot be read: {one_line(error)[:120]}") from None
 
@@ -198,17 +216,18 @@ class ResultFolder:
 
     def write_steps(self, result: RunResult) -> None:
         """Keeps the steps of a finished run."""
-        with replacing(self.path / "steps" / f"{result.key.slug}.parquet") as temporary:
-            result.table().write_parquet(temporary, compression="zstd")
+        with replacing(self.steps_path(result.key.slug)) as temporary:
+            result.table().sink_parquet(temporary, compression="zstd", row_group_size=GROUP)
 
     def write_truth(self, truth: pl.DataFrame) -> None:
-        """Keeps the outside truth at the times of the steps: time_s, position (rad or m)."""
+        """Keeps the outside truth at times of the steps: time_s, position (rad or m)."""
         with replacing(self.path / "truth.parquet") as temporary:
             truth.write_parquet(temporary, compression="zstd")
 
     def read_truth(self) -> pl.DataFrame:
-        """The outside truth at the times of the steps."""
-        return _read_table(self.path / "truth.parquet")
+        """The outside truth at times of the steps."""
+        with reading(self.path / "truth.parquet") as path:
+            return pl.read_parquet(path)
 
     def forget_steps_but(self, slugs: list[str]) -> None:
         """Removes the steps of runs that an earlier summary of this folder had and this one has not."""
@@ -218,7 +237,12 @@ class ResultFolder:
 
     def read_steps(self, slug: str) -> pl.DataFrame:
         """The steps of a run."""
-        return _read_table(self.path / "steps" / f"{slug}.parquet")
+        with reading(self.steps_path(slug)) as path:
+            return pl.read_parquet(path)
+
+    def steps_path(self, slug: str) -> Path:
+        """Where the steps of a run are."""
+        return self.path / "steps" / f"{slug}.parquet"
 
     def write_json(self, name: str, content: dict[str, Any]) -> None:
         """Keeps a JSON document."""

@@ -19,7 +19,7 @@ from oarlock.provenance import inputs, occasion
 from oarlock.reactions import verdict
 from oarlock.results import ResultFolder, RunResult, uninterrupted
 from oarlock.setup import Setup
-from oarlock.sketch import sketch
+from oarlock.sketch import sketch, traced
 from oarlock.solvers import MUJOCO, SolverSpec
 
 FORMS: dict[str, list[Form]] = {"matched": ["matched"], "hard": ["hard"], "both": ["matched", "hard"]}
@@ -60,7 +60,8 @@ class Results:
         summary: a row a run (polars).
         steps: a row a run and step (polars).
         rows: the summary as plain dictionaries.
-        frames: the steps, a table a run.
+        tables: the steps, a lazy table a run. A long run that is kept in a folder is read from there.
+        frames: the same, each table in memory.
         verdicts: what the case expects and its gates, held against the model and the runs.
         provenance: versions, platform, commit, date.
     """
@@ -69,7 +70,7 @@ class Results:
     rows: list[dict[str, Any]] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
     provenance: dict[str, Any] = field(default_factory=dict)
-    frames: list[pl.DataFrame] = field(default_factory=list)
+    tables: list[pl.LazyFrame] = field(default_factory=list)
 
     @property
     def summary(self) -> pl.DataFrame:
@@ -79,7 +80,12 @@ class Results:
     @property
     def steps(self) -> pl.DataFrame:
         """A row a run and step."""
-        return pl.concat(self.frames) if self.frames else pl.DataFrame()
+        return pl.concat(self.tables).collect() if self.tables else pl.DataFrame()
+
+    @property
+    def frames(self) -> list[pl.DataFrame]:
+        """The steps, a table a run."""
+        return pl.collect_all(self.tables)
 
     @property
     def failures(self) -> list[Verdict]:
@@ -156,7 +162,7 @@ def plan(case: Case, request: Request) -> list[Task]:
 
 
 def _walks(task: Task) -> int:
-    """Number of walks of a task, for the progress bar; MuJoCo's own trajectory counts where it is needed."""
+    """Number of walks of a task, for the progress bar."""
     if task.mode == "free":
         return sum(1 if spec.name == MUJOCO else len(task.forms) for spec in task.solvers)
     return 1
@@ -232,6 +238,7 @@ def run(
         progress.advance,
         ignore_inequalities=request.ignore_inequalities,
         stepping=choose("stepping", stepping, STEPPINGS),
+        folder=out,
     )
     setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)
     if duration_s is None and setup.timestep_s > case.file.run.duration_s:  # asked for, one step is enough
@@ -305,16 +312,21 @@ class _Keeper:
     def keep(self, result: RunResult) -> None:
         results, folder = self._results, self._folder
         results.rows.append(summarise(result))
-        results.frames.append(result.table())
         if not folder:
+            results.tables.append(result.table())
             return
         with uninterrupted():
             folder.write_steps(result)
             folder.write_json("summary.json", results.document())
         if not self._sketched and len(result.steps):
-            path = np.array(result.steps["qpos"].to_list())
+            path = traced(result.steps)
             folder.write_json("sketch.json", sketch(self._setup.model, self._setup.start.qpos, path))
             self._sketched = True
+        if result.steps.on_disk:
+            results.tables.append(pl.scan_parquet(folder.steps_path(result.key.slug)))
+            result.steps.close()
+        else:
+            results.tables.append(result.table())
 
     def close(self) -> None:
         if self._folder:

@@ -253,8 +253,9 @@ def _measure(scaffold: Scaffold, folder: Path, progress: Progress) -> None:
     for row in results.rows:
         if row["status"] == "diverged":
             found.notes.append(f"run {row['run']} diverged: {row['message']}")
-    exact = [frame for frame in results.frames if (frame["mode"].first(), frame["form"].first()) == ("free", "hard")]
-    if all(_still(frame["qpos"]) for frame in exact):
+    runs = zip(results.rows, results.tables, strict=True)
+    exact = [steps for row, steps in runs if (row["mode"], row["form"]) == ("free", "hard")]
+    if all(_still(steps.select("qpos").collect()["qpos"]) for steps in exact):
         found.notes.append("nothing moves: give [start] a velocity or [drive] a law")
     _write_case(scaffold, folder)
 
@@ -278,9 +279,10 @@ def _still(path: pl.Series) -> bool:
 def _end_of_rounding(results: Results) -> float | None:
     """When the calibration's difference passes ``ROUNDING``, in s."""
     times = []
-    for frame in results.frames:
-        late = frame.filter((pl.col("mode") == "calibration") & (pl.col("trajectory_diff") > ROUNDING))
-        times += late["time_s"].head(1).to_list()
+    for row, steps in zip(results.rows, results.tables, strict=True):
+        if row["mode"] == "calibration":
+            late = steps.filter(pl.col("trajectory_diff") > ROUNDING).select("time_s").head(1)
+            times += late.collect()["time_s"].to_list()
     return min(times, default=None)
 
 

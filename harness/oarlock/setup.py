@@ -17,7 +17,13 @@ from oarlock.start import ConsistentStart, consistent_start
 from oarlock.truth import TruthTrajectory
 
 MAX_STEPS = 10_000_000
-"""Steps of a run at most: their rows are kept in memory until it is finished."""
+"""Steps of a run at most: their rows fill some 3 GB of disk."""
+
+TRUTH_ROWS = 50_000
+"""Rows of the table of the truth at most: it is there to be drawn, and no figure shows more points."""
+
+_BLOCK = 1024
+"""Steps that the truth is computed for at once."""
 
 
 def _steps(duration_s: float, timestep_s: float) -> int:
@@ -30,7 +36,10 @@ def _steps(duration_s: float, timestep_s: float) -> int:
 
 
 class Setup:
-    """A prepared model with its drive, its consistent start, its number of steps, and the truth at each of them.
+    """A prepared model with its drive, its consistent start, its number of steps, and what the truth says of them.
+
+    ``truth`` is that as a table: at every step, or of a run of more than ``TRUTH_ROWS`` steps at so many of them,
+    equally spaced, first and last included. The errors of a run are taken at every step all the same.
 
     ``ignored`` says which contacts, limits and friction were switched off, or None where none were to be. For
     ``solref_s`` see ``load_mechanism``, for ``seed`` ``consistent_start``.
@@ -67,10 +76,11 @@ class Setup:
             known = case.file.truth
             where = f"[truth] of case '{case.name}'"
             self.observed = Observed(self.model, where, joint=known.joint, site=known.site)
-            times = np.arange(self.steps) * self.timestep_s
-            self._true_path = truth.position(times)
+            self._trajectory, self._block = truth, (-1, np.zeros((0, 1)))
+            shown = np.linspace(0, self.steps - 1, min(self.steps, TRUTH_ROWS)).astype(int)
             names = ["position"] if known.joint else ["x", "y", "z"]
-            self.truth = pl.DataFrame({"time_s": times, **dict(zip(names, self._true_path.T, strict=True))})
+            places = dict(zip(names, self._places(shown).T, strict=True))
+            self.truth = pl.DataFrame({"time_s": shown * self.timestep_s, **places})
 
     def data(self) -> mujoco.MjData:
         """A fresh data at the start."""
@@ -83,15 +93,23 @@ class Setup:
 
         In the coordinate that is furthest off, at a state whose position stage is done.
         """
-        if self.truth is None or not np.isfinite(self._true_path[step]).all():
+        if self.truth is None:
             return None
-        return largest(self.observed.position(data) - self._true_path[step])
+        number, at = divmod(step, _BLOCK)
+        if self._block[0] != number:  # a table of splines is slow to ask, however little
+            self._block = number, self._places(np.arange(number * _BLOCK, (number + 1) * _BLOCK))
+        place = self._block[1][at]
+        return largest(self.observed.position(data) - place) if np.isfinite(place).all() else None
 
     def truth_errors(self, steps: np.ndarray, places: np.ndarray) -> np.ndarray:
         """The same of many steps, with what was observed of each, (steps, 1 or 3); NaN where the truth is not known."""
-        path = self._true_path[steps]
+        path = self._places(steps)
         errors = np.abs(places - path).max(axis=1)
         return np.where(np.isfinite(path).all(axis=1), errors, np.nan)
+
+    def _places(self, steps: np.ndarray) -> np.ndarray:
+        """Where the truth is at the start of steps, (n, 1 or 3); NaN where it is not known."""
+        return self._trajectory.position(steps * self.timestep_s)
 
     def apart(self, qpos1: np.ndarray, qpos2: np.ndarray) -> float | None:
         """Largest difference of two positions in any coordinate (rad or m); None if one of them is not finite."""

@@ -1,13 +1,37 @@
 """The mechanism as points and lines, from its kinematics: what a drawing needs, without the model."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from oarlock.mechanism import element_name, equalities
+from oarlock.spool import Spool
 
 TRACE_POINTS = 240
+
+
+def traced(steps: Spool) -> np.ndarray:
+    """Finite positions of a run, (steps, nq), at as many of its steps as a trace has points."""
+    finite = np.concatenate([np.isfinite(path).all(axis=1) for path in _paths(steps)])
+    wanted = _spread(np.flatnonzero(finite))
+    found, begin = [], 0
+    for path in _paths(steps):
+        found.append(path[wanted[(wanted >= begin) & (wanted < begin + len(path))] - begin])
+        begin += len(path)
+    return np.concatenate(found)
+
+
+def _paths(steps: Spool) -> Iterator[np.ndarray]:
+    for chunk in steps.chunks(["qpos"]):
+        width = chunk["qpos"].list.len()[0] if len(chunk) else 0
+        yield chunk["qpos"].explode(empty_as_null=False).to_numpy().reshape(len(chunk), width)
+
+
+def _spread(rows: np.ndarray) -> np.ndarray:
+    """As many as a trace has points, equally spaced, the first and last included."""
+    return rows[np.linspace(0, len(rows) - 1, min(TRACE_POINTS, len(rows))).astype(int)]
 
 
 def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[str, Any]:
@@ -44,9 +68,8 @@ def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[s
         )
     anchors = [point.tolist() for _, point in _equality_anchors(model, data)]
     traces: list[list[list[float]]] = [[] for _ in anchors]
-    finite = path[np.isfinite(path).all(axis=1)]
-    for index in np.linspace(0, len(finite) - 1, min(TRACE_POINTS, len(finite))).astype(int):
-        place(finite[index])
+    for qpos in _spread(path[np.isfinite(path).all(axis=1)]):
+        place(qpos)
         for trace, (_, point) in zip(traces, _equality_anchors(model, data), strict=True):
             trace.append(point.tolist())
     return {

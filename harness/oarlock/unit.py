@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import polars as pl
 
 from oarlock import digest
 from oarlock.aggregate import summarise
@@ -23,8 +23,9 @@ from oarlock.point import OWN, SEED, SOLREF, TIMESTEP, Point
 from oarlock.results import RunResult
 from oarlock.run import Request, describe, plan
 from oarlock.setup import Setup
-from oarlock.sketch import sketch
+from oarlock.sketch import sketch, traced
 from oarlock.solvers import MUJOCO, SolverSpec
+from oarlock.spool import GROUP
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ def _run(unit: Unit) -> Outcome:
         size = _size(laboratory.setup(unit.task.integrator, unit.task.settings))
         point = dict(unit.point.values)
         return Outcome("done", rows=[{"run": row["run"], "point": point, **size, **row} for row in rows])
-    outcome = Outcome("done", rows=rows, files={f"steps/{r.key.slug}.parquet": _parquet(r.table()) for r in results})
+    outcome = Outcome("done", rows=rows, files={f"steps/{r.key.slug}.parquet": _steps(r) for r in results})
     return _described(outcome, laboratory, unit.task, results[0]) if unit.first else outcome
 
 
@@ -239,13 +240,18 @@ def _size(setup: Setup) -> dict[str, Any]:
 
 def _described(outcome: Outcome, laboratory: Laboratory, task: Task, result: RunResult) -> Outcome:
     setup = laboratory.setup(task.integrator, task.settings)
-    path = np.array(result.steps["qpos"].to_list())
-    drawing = sketch(setup.model, setup.start.qpos, path) if len(path) else None
+    drawing = sketch(setup.model, setup.start.qpos, traced(result.steps)) if len(result.steps) else None
     truth = {} if setup.truth is None else {"truth.parquet": _parquet(setup.truth)}
     return replace(outcome, files={**outcome.files, **truth}, model=describe(setup), sketch=drawing)
 
 
-def _parquet(table: Any) -> bytes:
+def _steps(result: RunResult) -> bytes:
+    buffer = io.BytesIO()
+    result.table().sink_parquet(buffer, compression="zstd", row_group_size=GROUP)
+    return buffer.getvalue()
+
+
+def _parquet(table: pl.DataFrame) -> bytes:
     buffer = io.BytesIO()
     table.write_parquet(buffer, compression="zstd")
     return buffer.getvalue()

@@ -121,6 +121,7 @@ class LocalWorkers:
 
 
 def _to_file(function: Callable[[Item], Any], item: Item, folder: str) -> str:
+    tempfile.tempdir = folder  # whatever it leaves when it is killed goes with that
     result = function(item)
     with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
         pickle.dump(result, file)
