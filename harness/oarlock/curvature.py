@@ -10,7 +10,8 @@ The rows of a kind of equality are MuJoCo's own, and J̇v is the exact time deri
   where ÿ and ẍ are 0 for joints and fixed tendons.
 """
 
-from typing import Protocol
+from collections.abc import Sequence
+from typing import NoReturn, Protocol
 
 import mujoco
 import numpy as np
@@ -19,79 +20,65 @@ from oarlock.errors import InputError
 from oarlock.kinematics import Kinematics, Point
 from oarlock.mechanism import Equality, equalities
 from oarlock.tendons import Tendon
-from oarlock.vectors import Quaternion, conjugate, cross, dot, horner, minus, plus, product, times
+from oarlock.vectors import Quaternion, Vector, conjugate, cross, dot, horner, minus, plus, product
 
 
 class _Rows(Protocol):
     """The rows of one equality."""
 
-    count: int
+    bodies: list[int]
+    """Those whose motion they need."""
 
-    def differentiate(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        """Writes a J̇ (count, nv) that ``finish`` needs the product of with v."""
-
-    def finish(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        """Makes that product (count) into J̇v of the rows."""
+    def bends(self, data: mujoco.MjData, kinematics: Kinematics) -> Sequence[float]:
+        """J̇v of every row, given the motion of their bodies."""
+        ...
 
 
 class _Connect:
-    count = 3
+    def __init__(self, ends: tuple[Point, Point]):
+        self._ends = ends
+        self.bodies = [end.body for end in ends]
 
-    def __init__(self, kinematics: Kinematics, ends: tuple[Point, Point]):
-        self._kinematics, self._ends = kinematics, ends
-
-    def differentiate(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        self._kinematics.points_apart(data, self._ends, out)
-
-    def finish(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        pass
+    def bends(self, data: mujoco.MjData, kinematics: Kinematics) -> Vector:
+        return kinematics.points_apart(data, self._ends)
 
 
 class _Weld:
-    count = 6
-
-    def __init__(
-        self, kinematics: Kinematics, ends: tuple[Point, Point], turns: tuple[Quaternion, Quaternion], scale: float
-    ):
-        self._kinematics, self._ends, self._turns = kinematics, ends, turns
+    def __init__(self, ends: tuple[Point, Point], turns: tuple[Quaternion, Quaternion], scale: float):
+        self._ends, self._turns = ends, turns
         self._half_scale = 0.5 * scale
+        self.bodies = [end.body for end in ends]
 
-    def differentiate(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        self._kinematics.bodies_apart(data, self._ends, out)
-
-    def finish(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        spin1, spin2 = (self._kinematics.spin(data, end.body) for end in self._ends)
+    def bends(self, data: mujoco.MjData, kinematics: Kinematics) -> list[float]:
+        spin1, spin2 = (kinematics.spin(body) for body in self.bodies)
         apart = minus(spin1, spin2)
-        x, y, z = plus(out[3:].tolist(), cross(spin1, spin2))
+        bend1, bend2 = (kinematics.spin_bend(body) for body in self.bodies)
+        x, y, z = plus(minus(bend1, bend2), cross(spin1, spin2))
         quat1, quat2 = (
-            product(data.xquat[end.body].tolist(), turn) for end, turn in zip(self._ends, self._turns, strict=True)
+            product(data.xquat[body].tolist(), turn) for body, turn in zip(self.bodies, self._turns, strict=True)
         )
         turned = product(conjugate(quat2), product((-0.5 * dot(apart, apart), x, y, z), quat1))
-        out[3:] = [self._half_scale * entry for entry in turned[1:]]
+        return [*kinematics.points_apart(data, self._ends), *(self._half_scale * entry for entry in turned[1:])]
 
 
 class _Coupling:
     """y − p(x) of joints or tendons; a subclass says what x, ẋ, ẍ and ÿ are."""
-
-    count = 1
 
     def __init__(self, coefficients: np.ndarray, coupled: bool):
         _, *linear = coefficients.tolist()
         self._first = [power * coefficient for power, coefficient in enumerate(linear, 1)]
         self._second = [power * coefficient for power, coefficient in enumerate(self._first[1:], 1)]
         self._coupled = coupled
+        self.bodies: list[int] = []
 
-    def differentiate(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        pass
-
-    def finish(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        bend = self._bend(data, 0)
+    def bends(self, data: mujoco.MjData, kinematics: Kinematics) -> list[float]:
+        bend = self._bend(data, kinematics, 0)
         if self._coupled:
             x, rate = self._argument(data)
-            bend -= horner(self._first, x) * self._bend(data, 1) + horner(self._second, x) * rate * rate
-        out[0] = bend
+            bend -= horner(self._first, x) * self._bend(data, kinematics, 1) + horner(self._second, x) * rate * rate
+        return [bend]
 
-    def _bend(self, data: mujoco.MjData, end: int) -> float:
+    def _bend(self, data: mujoco.MjData, kinematics: Kinematics, end: int) -> float:
         raise NotImplementedError
 
     def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
@@ -105,7 +92,7 @@ class _Joints(_Coupling):
         self._qpos, self._dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         self._zero = float(model.qpos0[self._qpos])
 
-    def _bend(self, data: mujoco.MjData, end: int) -> float:
+    def _bend(self, data: mujoco.MjData, kinematics: Kinematics, end: int) -> float:
         return 0.0
 
     def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
@@ -113,15 +100,16 @@ class _Joints(_Coupling):
 
 
 class _Tendons(_Coupling):
-    def __init__(self, model: mujoco.MjModel, index: int, kinematics: Kinematics):
+    def __init__(self, model: mujoco.MjModel, index: int):
         ids = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
         super().__init__(model.eq_data[index, :5], ids[1] >= 0)
-        self._tendons = [Tendon(model, tendon, kinematics) for tendon in ids if tendon >= 0]
+        self._tendons = [Tendon(model, tendon) for tendon in ids if tendon >= 0]
+        self.bodies = [body for tendon in self._tendons for body in tendon.bodies]
         self._second_id = ids[1]
         self._zero = float(model.tendon_length0[ids[1]])
 
-    def _bend(self, data: mujoco.MjData, end: int) -> float:
-        return self._tendons[end].bend(data)
+    def _bend(self, data: mujoco.MjData, kinematics: Kinematics, end: int) -> float:
+        return self._tendons[end].bend(data, kinematics)
 
     def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
         return float(data.ten_length[self._second_id]) - self._zero, float(data.ten_velocity[self._second_id])
@@ -130,18 +118,18 @@ class _Tendons(_Coupling):
 def _ends(model: mujoco.MjModel, equality: Equality) -> tuple[Point, Point]:
     """The anchors of a connect or weld."""
     first, second = (
-        Point(body, equality.sites[end] if equality.sites else None, equality.anchor(model, end))
+        Point(body, equality.sites[end] if equality.sites else None, tuple(equality.anchor(model, end).tolist()))
         for end, body in enumerate(equality.bodies)
     )
     return first, second
 
 
-def _weld(model: mujoco.MjModel, equality: Equality, kinematics: Kinematics) -> _Weld:
+def _weld(model: mujoco.MjModel, equality: Equality) -> _Weld:
     if equality.sites:
         turns = model.site_quat[equality.sites[0]].tolist(), model.site_quat[equality.sites[1]].tolist()
     else:
         turns = model.eq_data[equality.index, 6:10].tolist(), (1.0, 0.0, 0.0, 0.0)
-    return _Weld(kinematics, _ends(model, equality), turns, float(model.eq_data[equality.index, 10]))
+    return _Weld(_ends(model, equality), turns, float(model.eq_data[equality.index, 10]))
 
 
 class Curvature:
@@ -152,26 +140,25 @@ class Curvature:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
-        kinematics = Kinematics(model)
         self._rows: dict[int, _Rows] = {}
         self._unknown: dict[int, Equality] = {}
         for equality in equalities(model):
             index = equality.index
             if equality.kind == "connect":
-                self._rows[index] = _Connect(kinematics, _ends(model, equality))
+                self._rows[index] = _Connect(_ends(model, equality))
             elif equality.kind == "weld":
-                self._rows[index] = _weld(model, equality, kinematics)
+                self._rows[index] = _weld(model, equality)
             elif equality.kind == "joint":
                 self._rows[index] = _Joints(model, index)
             elif equality.kind == "tendon":
-                self._rows[index] = _Tendons(model, index, kinematics)
+                self._rows[index] = _Tendons(model, index)
             else:
                 self._unknown[index] = equality
                 if data.eq_active[index]:
                     self._refuse(index)
-        self._rates = np.zeros((sum(rows.count for rows in self._rows.values()), model.nv))
+        self._kinematics = Kinematics(model, (body for rows in self._rows.values() for body in rows.bodies))
 
-    def _refuse(self, index: int) -> None:
+    def _refuse(self, index: int) -> NoReturn:
         equality = self._unknown[index]
         raise InputError(
             f"equality '{equality.name}' is a {equality.kind}, expected connect, weld, joint or tendon: "
@@ -186,22 +173,16 @@ class Curvature:
         Raises:
             InputError: an equality of another kind was switched on, or a tendon's length has no second derivative.
         """
-        start, end = 0, data.ne
-        indices = data.efc_id
-        found: list[tuple[_Rows, int, int]] = []
-        while start < end:
-            index = int(indices[start])
+        self._kinematics.read(data)
+        owners = data.efc_id[: data.ne].tolist()
+        bends: list[float] = []
+        while len(bends) < len(owners):
+            index = owners[len(bends)]
             rows = self._rows.get(index)
             if rows is None:
-                return self._refuse(index)
-            stop = start + rows.count
-            rows.differentiate(data, self._rates[start:stop])
-            found.append((rows, start, stop))
-            start = stop
-        out[:] = times(self._rates[:end], data.qvel)
-        for rows, start, stop in found:
-            rows.finish(data, out[start:stop])
-        return None
+                self._refuse(index)
+            bends += rows.bends(data, self._kinematics)
+        out[:] = bends
 
 
 def curvature_from_reference(data: mujoco.MjData) -> np.ndarray:

@@ -1,11 +1,24 @@
-"""Motion of points of bodies at a state whose position and velocity stages are done: place, velocity, J̇v."""
+"""Motion of points of bodies at a state whose position and velocity stages are done: place, velocity, J̇v.
 
+J̇v of a body's rotation and of its points is what they accelerate by at q̈ = 0, their bias acceleration. One pass over
+the bodies gives it as a spatial vector a = (α, a₀), taken at the centre of mass c of the kinematic tree (Featherstone
+2008, *Rigid Body Dynamics Algorithms*, §5.3; the first half of MuJoCo's ``mj_rne``, without gravity):
+
+    a = a_parent + Σ ṡ q̇   over the body's own joint axes s, MuJoCo's ``cdof``, with the rates ṡ, ``cdof_dot``.
+
+A spatial acceleration is that of the matter passing c. What accelerates with the body is the point at p = c + r, as in
+``mj_objectAcceleration``:
+
+    p̈ = a₀ + α×r + ω×ṗ,   ṗ = v₀ + ω×r.
+"""
+
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from oarlock.vectors import Vector, cross, minus, plus, times
+from oarlock.vectors import Vector, cross, minus, plus
 
 
 @dataclass(frozen=True)
@@ -14,57 +27,88 @@ class Point:
 
     body: int
     site: int | None
-    offset: np.ndarray
+    offset: Vector
 
-    def place(self, data: mujoco.MjData) -> np.ndarray:
-        """In world coordinates, (3), m."""
+    def place(self, data: mujoco.MjData) -> Vector:
+        """In world coordinates, m."""
         if self.site is not None:
-            return data.site_xpos[self.site]
-        return data.xpos[self.body] + times(data.xmat[self.body].reshape(3, 3), self.offset)
+            x, y, z = data.site_xpos[self.site].tolist()
+            return x, y, z
+        a, b, c, d, e, f, g, h, i = data.xmat[self.body].tolist()
+        u, v, w = self.offset
+        x, y, z = data.xpos[self.body].tolist()
+        return x + (a * u + b * v + c * w), y + (d * u + e * v + f * w), z + (g * u + h * v + i * w)
 
 
 class Kinematics:
-    """Velocities and accelerations of points that are, at this moment, at given places on bodies.
+    """Motion of some bodies, and of their points that are, at this moment, at given places."""
 
-    Accelerations are those that need no acceleration of the coordinates, J̇v with the Jacobian J of the point or of
-    the body's rotation: ``mj_jacDot`` gives J̇ exactly.
-    """
-
-    def __init__(self, model: mujoco.MjModel):
-        self._model = model
+    def __init__(self, model: mujoco.MjModel, bodies: Iterable[int]):
+        parents, first, count = model.body_parentid, model.body_dofadr, model.body_dofnum
+        moving: set[int] = set()
+        for body in bodies:
+            while body and body not in moving:
+                moving.add(body)
+                body = int(parents[body])
+        # Parents have the smaller ids.
+        self._chain = [
+            (body, int(parents[body]), tuple(range(int(first[body]), int(first[body] + count[body]))))
+            for body in sorted(moving)
+        ]
         self._roots = model.body_rootid.tolist()
-        self._linear, self._angular = np.zeros((2, 3, model.nv)), np.zeros((2, 3, model.nv))
+        self._velocities: list[list[float]] = []
+        self._centres: list[list[float]] = []
+        self._biases = [(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)] * model.nbody
 
-    def spin(self, data: mujoco.MjData, body: int) -> Vector:
+    def read(self, data: mujoco.MjData) -> None:
+        """Takes over the bodies' motion; what is said of them is of this state."""
+        self._velocities, self._centres = data.cvel.tolist(), data.subtree_com.tolist()
+        rates = (data.cdof_dot * data.qvel[:, np.newaxis]).tolist()
+        biases = self._biases
+        for body, parent, dofs in self._chain:
+            x, y, z, u, v, w = biases[parent]
+            for dof in dofs:
+                a, b, c, d, e, f = rates[dof]
+                x, y, z, u, v, w = x + a, y + b, z + c, u + d, v + e, w + f
+            biases[body] = x, y, z, u, v, w
+
+    def spin(self, body: int) -> Vector:
         """Angular velocity of a body, world axes, rad/s."""
-        x, y, z, *_ = data.cvel[body].tolist()
+        x, y, z, *_ = self._velocities[body]
         return x, y, z
 
-    def velocity(self, data: mujoco.MjData, body: int, place: Vector) -> Vector:
+    def spin_bend(self, body: int) -> Vector:
+        """J̇v of the body's rotation, rad/s²."""
+        x, y, z, *_ = self._biases[body]
+        return x, y, z
+
+    def velocity(self, body: int, place: Vector) -> Vector:
         """Velocity of the body's point at a place, m/s."""
-        # cvel is the velocity at the centre of mass of the kinematic tree.
-        spin_x, spin_y, spin_z, x, y, z = data.cvel[body].tolist()
-        arm = minus(place, data.subtree_com[self._roots[body]].tolist())
-        return plus((x, y, z), cross((spin_x, spin_y, spin_z), arm))
+        spin_x, spin_y, spin_z, x, y, z = self._velocities[body]
+        return plus((x, y, z), cross((spin_x, spin_y, spin_z), minus(place, self._centre(body))))
 
-    def bend(self, data: mujoco.MjData, body: int, place: np.ndarray) -> Vector:
-        """J̇v of the body's point at a place (3), m/s²."""
-        linear = self._linear[0]
-        mujoco.mj_jacDot(self._model, data, linear, None, place, body)
-        x, y, z = times(linear, data.qvel).tolist()
+    def bend(self, body: int, place: Vector) -> Vector:
+        """J̇v of the body's point at a place, m/s²."""
+        # A call of every operation would double the time.
+        x, y, z = place
+        centre_x, centre_y, centre_z = self._centres[self._roots[body]]
+        x, y, z = x - centre_x, y - centre_y, z - centre_z
+        p, q, r, u, v, w = self._velocities[body]
+        u, v, w = u + (q * z - r * y), v + (r * x - p * z), w + (p * y - q * x)
+        a, b, c, d, e, f = self._biases[body]
+        return (
+            d + (b * z - c * y) + (q * w - r * v),
+            e + (c * x - a * z) + (r * u - p * w),
+            f + (a * y - b * x) + (p * v - q * u),
+        )
+
+    def points_apart(self, data: mujoco.MjData, ends: tuple[Point, Point]) -> Vector:
+        """J̇v of p₁ − p₂, m/s²."""
+        first, second = ends
+        x, y, z = self.bend(first.body, first.place(data))
+        u, v, w = self.bend(second.body, second.place(data))
+        return x - u, y - v, z - w
+
+    def _centre(self, body: int) -> Vector:
+        x, y, z = self._centres[self._roots[body]]
         return x, y, z
-
-    def points_apart(self, data: mujoco.MjData, ends: tuple[Point, Point], out: np.ndarray) -> None:
-        """Writes J̇ of p₁ − p₂, (3, nv)."""
-        linear1, linear2 = self._linear
-        mujoco.mj_jacDot(self._model, data, linear1, None, ends[0].place(data), ends[0].body)
-        mujoco.mj_jacDot(self._model, data, linear2, None, ends[1].place(data), ends[1].body)
-        # The difference before the product with v: a point and one that moves with it leave exactly nothing.
-        np.subtract(linear1, linear2, out)
-
-    def bodies_apart(self, data: mujoco.MjData, ends: tuple[Point, Point], out: np.ndarray) -> None:
-        """Writes J̇ of p₁ − p₂ and of ω₁ − ω₂, (6, nv)."""
-        for end, linear, angular in zip(ends, self._linear, self._angular, strict=True):
-            mujoco.mj_jacDot(self._model, data, linear, angular, end.place(data), end.body)
-        np.subtract(self._linear[0], self._linear[1], out[:3])
-        np.subtract(self._angular[0], self._angular[1], out[3:])

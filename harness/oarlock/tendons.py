@@ -44,12 +44,15 @@ class _Piece:
 class Tendon:
     """One tendon of a model. Its pieces are read from the model once; whether they wrap is read at every state."""
 
-    def __init__(self, model: mujoco.MjModel, index: int, kinematics: Kinematics):
-        self._model, self._kinematics, self._index = model, kinematics, index
+    def __init__(self, model: mujoco.MjModel, index: int):
+        self._model, self._index = model, index
         self._name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TENDON, index) or f"#{index}"
         self._pieces = _pieces(model, index)
+        sites = [int(model.site_bodyid[site]) for piece in self._pieces for site in piece.sites]
+        self.bodies = sites + [int(model.geom_bodyid[piece.geom]) for piece in self._pieces if piece.geom is not None]
+        """Those whose motion it needs."""
 
-    def bend(self, data: mujoco.MjData) -> float:
+    def bend(self, data: mujoco.MjData, kinematics: Kinematics) -> float:
         """J̇v of the tendon, m/s²; 0 for a fixed tendon, whose Jacobian is constant.
 
         Raises:
@@ -60,9 +63,9 @@ class Tendon:
         for piece in self._pieces:
             bodies = [int(self._model.site_bodyid[site]) for site in piece.sites]
             if piece.order in touches:
-                total += self._wrapped(data, piece, bodies, touches[piece.order]) / piece.divisor
+                total += self._wrapped(data, kinematics, piece, bodies, touches[piece.order]) / piece.divisor
             elif bodies[0] != bodies[1]:
-                total += self._straight(data, piece, bodies) / piece.divisor
+                total += self._straight(data, kinematics, piece, bodies) / piece.divisor
         return total
 
     def _touches(self, data: mujoco.MjData) -> dict[int, Vector]:
@@ -81,22 +84,18 @@ class Tendon:
                 found.setdefault(sites, tuple(place.tolist()))
         return found
 
-    def _motion(self, data: mujoco.MjData, site: int, body: int) -> _Motion:
-        at = data.site_xpos[site]
-        place = tuple(at.tolist())
-        kinematics = self._kinematics
-        return place, kinematics.velocity(data, body, place), kinematics.bend(data, body, at)
-
-    def _straight(self, data: mujoco.MjData, piece: _Piece, bodies: list[int]) -> float:
-        ends = [self._motion(data, site, body) for site, body in zip(piece.sites, bodies, strict=True)]
+    def _straight(self, data: mujoco.MjData, kinematics: Kinematics, piece: _Piece, bodies: list[int]) -> float:
+        ends = [_motion(data, kinematics, site, body) for site, body in zip(piece.sites, bodies, strict=True)]
         x, v, a = (minus(end1, end0) for end0, end1 in zip(*ends, strict=True))
         length = math.sqrt(dot(x, x))
         if length < mujoco.mjMINVAL:
             raise InputError(f"tendon '{self._name}' has a piece of length 0, expected a length with a derivative")
         return _norm(x, v, a)[2]
 
-    def _wrapped(self, data: mujoco.MjData, piece: _Piece, bodies: list[int], touch: Vector) -> float:
-        model, kinematics, geom = self._model, self._kinematics, piece.geom
+    def _wrapped(
+        self, data: mujoco.MjData, kinematics: Kinematics, piece: _Piece, bodies: list[int], touch: Vector
+    ) -> float:
+        model, geom = self._model, piece.geom
         assert geom is not None
         body, radius = int(model.geom_bodyid[geom]), float(model.geom_size[geom, 0])
         centre: Vector = tuple(data.geom_xpos[geom].tolist())
@@ -109,12 +108,12 @@ class Tendon:
                     f"tendon '{self._name}' wraps inside geom '{geom_name}', expected its side site outside: "
                     "J̇v of a tendon inside a geom is not known"
                 )
-        spin = kinematics.spin(data, body)
+        spin = kinematics.spin(body)
         ends: list[_Motion] = []  # in the geom's frame, written in world axes
         for site, own in zip(piece.sites, bodies, strict=True):
-            place, velocity, bend = self._motion(data, site, own)
-            velocity = minus(velocity, kinematics.velocity(data, body, place))
-            bend = minus(bend, kinematics.bend(data, body, data.site_xpos[site]))
+            place, velocity, bend = _motion(data, kinematics, site, own)
+            velocity = minus(velocity, kinematics.velocity(body, place))
+            bend = minus(bend, kinematics.bend(body, place))
             ends.append((minus(place, centre), velocity, minus(bend, scaled(2.0, cross(spin, velocity)))))
         arrival = minus(touch, centre)
         if axis is None:
@@ -164,6 +163,11 @@ class Tendon:
             rate += free / rho * rho_rate
             bend += free / rho * rho_bend + radius * radius / (rho * rho * free) * rho_rate * rho_rate
         return length, rate, bend
+
+
+def _motion(data: mujoco.MjData, kinematics: Kinematics, site: int, body: int) -> _Motion:
+    place = tuple(data.site_xpos[site].tolist())
+    return place, kinematics.velocity(body, place), kinematics.bend(body, place)
 
 
 def _norm(x: Vector, v: Vector, a: Vector) -> tuple[float, float, float]:

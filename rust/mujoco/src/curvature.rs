@@ -12,10 +12,9 @@
 //! The same as `oarlock.curvature`, operation for operation: that path is readable, and the oracle of this one.
 
 use std::ffi::c_int;
-use std::iter;
 
 use crate::error::Error;
-use crate::kinematics::{Bends, Fixed, Point, Points, index, spin};
+use crate::kinematics::{Fixed, Kinematics, Point, index, spin};
 use crate::library::{Data, EQ_CONNECT, EQ_DATA, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model};
 use crate::tendon::Tendon;
 use crate::vectors::{Quaternion, at, conjugate, cross, dot, horner, minus, plus, product};
@@ -24,7 +23,7 @@ use crate::vectors::{Quaternion, at, conjugate, cross, dot, horner, minus, plus,
 pub struct Curvature {
     /// By equality.
     rows: Vec<Rows>,
-    points: Points,
+    kinematics: Kinematics,
 }
 
 /// The rows of one equality.
@@ -82,8 +81,8 @@ impl Curvature {
                 return Err(Error::Refused(text.clone()));
             }
         }
-        let points = Points::with_capacity(rows.iter().map(Rows::points).sum(), model.nv());
-        Ok(Self { rows, points })
+        let kinematics = Kinematics::new(model, rows.iter().flat_map(Rows::bodies));
+        Ok(Self { rows, kinematics })
     }
 
     /// Writes J̇v (ne; m/s² or rad/s²) of a state whose position and velocity stages are done.
@@ -95,33 +94,19 @@ impl Curvature {
     ///
     /// # Panics
     /// If `out` is not of this length.
-    pub fn write(&mut self, data: &mut Data, out: &mut [f64]) -> Result<(), Error> {
+    pub fn write(&mut self, data: &Data, out: &mut [f64]) -> Result<(), Error> {
         assert_eq!(out.len(), data.ne());
-        let Self { rows, points } = self;
-        points.clear();
-        for rows in active(rows, data.id()) {
-            rows.gather(data, points)?;
-        }
-        points.differentiate(data)?;
-        let mut bends = points.bends(data.qvel());
-        let mut rest = out;
-        for rows in active(rows, data.id()) {
-            let (own, others) = rest.split_at_mut(rows.count());
-            rows.write(data, &mut bends, own)?;
-            rest = others;
+        self.kinematics.read(data);
+        let (mut owners, mut rest) = (data.id(), out);
+        while let Some(&owner) = owners.first() {
+            let rows = &self.rows[index(owner)];
+            let count = rows.count();
+            let (own, others) = rest.split_at_mut(count);
+            rows.write(data, &self.kinematics, own)?;
+            (owners, rest) = (&owners[count..], others);
         }
         Ok(())
     }
-}
-
-/// The rows of the equalities that have any, given the equality of every row.
-fn active<'a>(rows: &'a [Rows], ids: &'a [c_int]) -> impl Iterator<Item = &'a Rows> {
-    let mut rest = ids;
-    iter::from_fn(move || {
-        let found = &rows[index(*rest.first()?)];
-        rest = &rest[found.count()..];
-        Some(found)
-    })
 }
 
 impl Rows {
@@ -173,38 +158,22 @@ impl Rows {
         }
     }
 
-    /// How many points they can need.
-    fn points(&self) -> usize {
+    /// Those whose motion they need.
+    fn bodies(&self) -> Vec<c_int> {
         match self {
-            Self::Connect(_) | Self::Weld(_) => 2,
+            Self::Connect(ends) => ends.map(|end| end.body).to_vec(),
+            Self::Weld(weld) => weld.ends.map(|end| end.body).to_vec(),
             Self::Tendons { first, second, .. } => {
-                first.points() + second.as_ref().map_or(0, |second| second.tendon.points())
+                first.bodies().chain(second.iter().flat_map(|second| second.tendon.bodies())).collect()
             }
-            Self::Joints { .. } | Self::Unknown(_) => 0,
+            Self::Joints { .. } | Self::Unknown(_) => Vec::new(),
         }
     }
 
-    /// Adds the points whose J̇ [`Rows::write`] reads.
-    fn gather(&self, data: &Data, points: &mut Points) -> Result<(), Error> {
+    fn write(&self, data: &Data, kinematics: &Kinematics, out: &mut [f64]) -> Result<(), Error> {
         match self {
-            Self::Connect(ends) => ends.iter().for_each(|end| points.push_point(end, data)),
-            Self::Weld(weld) => weld.ends.iter().for_each(|end| points.push_point(end, data)),
-            Self::Joints { .. } => {}
-            Self::Tendons { first, second, .. } => {
-                first.gather(data, points);
-                if let Some(second) = second {
-                    second.tendon.gather(data, points);
-                }
-            }
-            Self::Unknown(text) => return Err(Error::Refused(text.clone())),
-        }
-        Ok(())
-    }
-
-    fn write(&self, data: &Data, bends: &mut Bends, out: &mut [f64]) -> Result<(), Error> {
-        match self {
-            Self::Connect(_) => out.copy_from_slice(&bends.points_apart()),
-            Self::Weld(weld) => weld.write(data, bends, out),
+            Self::Connect(ends) => out.copy_from_slice(&kinematics.points_apart(data, ends)),
+            Self::Weld(weld) => weld.write(data, kinematics, out),
             Self::Joints { quartic, second } => {
                 out[0] = second.as_ref().map_or(0.0, |joint| {
                     let x = data.qpos()[joint.qpos] - joint.zero;
@@ -212,10 +181,10 @@ impl Rows {
                 });
             }
             Self::Tendons { quartic, first, second } => {
-                out[0] = first.bend(data, bends)?;
+                out[0] = first.bend(data, kinematics)?;
                 if let Some(Second { tendon, id, zero }) = second {
                     let x = data.ten_length()[*id] - zero;
-                    out[0] -= quartic.bend(x, data.ten_velocity()[*id], tendon.bend(data, bends)?);
+                    out[0] -= quartic.bend(x, data.ten_velocity()[*id], tendon.bend(data, kinematics)?);
                 }
             }
             Self::Unknown(text) => return Err(Error::Refused(text.clone())),
@@ -237,17 +206,17 @@ fn anchors(model: &Model, ids: [c_int; 2], on_sites: bool, offsets: [[f64; 3]; 2
 }
 
 impl Weld {
-    fn write(&self, data: &Data, bends: &mut Bends, out: &mut [f64]) {
-        let (linear, angular) = bends.bodies_apart();
+    fn write(&self, data: &Data, kinematics: &Kinematics, out: &mut [f64]) {
         let [spin1, spin2] = self.ends.map(|end| spin(data, end.body));
+        let [bend1, bend2] = self.ends.map(|end| kinematics.spin_bend(end.body));
         let apart = minus(spin1, spin2);
-        let [x, y, z] = plus(angular, cross(spin1, spin2));
+        let [x, y, z] = plus(minus(bend1, bend2), cross(spin1, spin2));
         let [quat1, quat2] = [0, 1].map(|end| {
             let quats = &data.xquat()[4 * index(self.ends[end].body)..];
             product([quats[0], quats[1], quats[2], quats[3]], self.turns[end])
         });
         let turned = product(conjugate(quat2), product([-0.5 * dot(apart, apart), x, y, z], quat1));
-        out[..3].copy_from_slice(&linear);
+        out[..3].copy_from_slice(&kinematics.points_apart(data, &self.ends));
         for (entry, turned) in out[3..].iter_mut().zip(&turned[1..]) {
             *entry = self.half_scale * turned;
         }

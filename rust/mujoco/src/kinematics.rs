@@ -1,14 +1,31 @@
 //! Motion of points of bodies at a state whose position and velocity stages are done: place, velocity, J̇v.
 //!
-//! Accelerations are those that need no acceleration of the coordinates, J̇v with the Jacobian J of the point or of the
-//! body's rotation: `mj_jacDot` gives J̇ exactly. It is asked for all points of a state in one call: [`Points`] gathers
-//! them, [`Bends`] reads the answers in the same order.
+//! J̇v of a body's rotation and of its points is what they accelerate by at q̈ = 0, their bias acceleration. One pass over
+//! the bodies gives it as a spatial vector a = (α, a₀), taken at the centre of mass c of the kinematic tree (Featherstone
+//! 2008, *Rigid Body Dynamics Algorithms*, §5.3; the first half of MuJoCo's `mj_rne`, without gravity):
+//!
+//! ```text
+//!     a = a_parent + Σ ṡ q̇   over the body's own joint axes s, MuJoCo's cdof, with the rates ṡ, cdof_dot.
+//! ```
+//!
+//! A spatial acceleration is that of the matter passing c. What accelerates with the body is the point at p = c + r, as in
+//! `mj_objectAcceleration`:
+//!
+//! ```text
+//!     p̈ = a₀ + α×r + ω×ṗ,   ṗ = v₀ + ω×r.
+//! ```
+//!
+//! The same as `oarlock.kinematics`, operation for operation.
 
+use std::collections::BTreeSet;
 use std::ffi::c_int;
+use std::ops::Range;
 
-use crate::error::Error;
-use crate::library::Data;
+use crate::library::{Data, Model};
 use crate::vectors::{Vector, at, cross, minus, plus, sum};
+
+/// The body that never moves.
+const WORLD: usize = 0;
 
 /// An id of MuJoCo's as an index; ids of elements that exist are not negative.
 pub(crate) fn index(id: c_int) -> usize {
@@ -49,6 +66,81 @@ impl Point {
     }
 }
 
+/// Motion of some bodies, and of their points that are, at this moment, at given places.
+#[derive(Debug)]
+pub struct Kinematics {
+    /// Those bodies and all that they hang on, parents first.
+    chain: Vec<Link>,
+    /// J̇v of every body of `chain` as a spatial vector, by body.
+    biases: Vec<[f64; 6]>,
+}
+
+#[derive(Debug)]
+struct Link {
+    body: usize,
+    parent: usize,
+    /// Its own joints' entries.
+    dofs: Range<usize>,
+}
+
+impl Kinematics {
+    /// Of `bodies`.
+    #[must_use]
+    pub fn new(model: &Model, bodies: impl Iterator<Item = c_int>) -> Self {
+        let parent = |body: usize| index(model.body_parentid()[body]);
+        let mut moving = BTreeSet::new();
+        for body in bodies {
+            let mut body = index(body);
+            while body != WORLD && moving.insert(body) {
+                body = parent(body);
+            }
+        }
+        let link = |body: usize| {
+            let count = index(model.body_dofnum()[body]);
+            let first = if count == 0 { 0 } else { index(model.body_dofadr()[body]) };
+            Link { body, parent: parent(body), dofs: first..first + count }
+        };
+        // Parents have the smaller ids.
+        let chain = moving.into_iter().map(link).collect();
+        Self { chain, biases: vec![[0.0; 6]; model.body_parentid().len()] }
+    }
+
+    /// Takes over the bodies' motion; what is said of them is of this state.
+    pub fn read(&mut self, data: &Data) {
+        let (axes, _) = data.cdof_dot().as_chunks::<6>();
+        for Link { body, parent, dofs } in &self.chain {
+            let mut bias = self.biases[*parent];
+            for (axis, rate) in axes[dofs.clone()].iter().zip(&data.qvel()[dofs.clone()]) {
+                for (entry, axis) in bias.iter_mut().zip(axis) {
+                    *entry += axis * rate;
+                }
+            }
+            self.biases[*body] = bias;
+        }
+    }
+
+    /// J̇v of the body's rotation, rad/s².
+    #[must_use]
+    pub fn spin_bend(&self, body: c_int) -> Vector {
+        at(&self.biases[index(body)], 0)
+    }
+
+    /// J̇v of the body's point at a place, m/s².
+    #[must_use]
+    pub fn bend(&self, data: &Data, body: c_int, place: Vector) -> Vector {
+        let linear = at(&self.biases[index(body)], 1);
+        let spatial = plus(linear, cross(self.spin_bend(body), arm(data, body, place)));
+        plus(spatial, cross(spin(data, body), velocity(data, body, place)))
+    }
+
+    /// J̇v of p₁ − p₂, m/s².
+    #[must_use]
+    pub fn points_apart(&self, data: &Data, ends: &[Point; 2]) -> Vector {
+        let [bend1, bend2] = [0, 1].map(|end| self.bend(data, ends[end].body, ends[end].place(data)));
+        minus(bend1, bend2)
+    }
+}
+
 /// Angular velocity of a body, world axes, rad/s.
 #[must_use]
 pub fn spin(data: &Data, body: c_int) -> Vector {
@@ -58,109 +150,11 @@ pub fn spin(data: &Data, body: c_int) -> Vector {
 /// Velocity of the body's point at a place, m/s.
 #[must_use]
 pub fn velocity(data: &Data, body: c_int, place: Vector) -> Vector {
-    // cvel is the velocity at the centre of mass of the kinematic tree.
+    plus(at(data.cvel(), 2 * index(body) + 1), cross(spin(data, body), arm(data, body, place)))
+}
+
+/// A place as seen from where the spatial vectors of a body are taken: its tree's centre of mass.
+fn arm(data: &Data, body: c_int, place: Vector) -> Vector {
     let root = index(data.model().body_rootid()[index(body)]);
-    let arm = minus(place, at(data.subtree_com(), root));
-    plus(at(data.cvel(), 2 * index(body) + 1), cross(spin(data, body), arm))
-}
-
-/// Points of bodies, and J̇ of each.
-#[derive(Debug, Default)]
-pub struct Points {
-    bodies: Vec<c_int>,
-    places: Vec<f64>,
-    linear: Vec<f64>,
-    angular: Vec<f64>,
-}
-
-impl Points {
-    /// With room for `count` points of a model of `nv` velocities, so that gathering them allocates nothing.
-    #[must_use]
-    pub fn with_capacity(count: usize, nv: usize) -> Self {
-        Self {
-            bodies: Vec::with_capacity(count),
-            places: Vec::with_capacity(3 * count),
-            linear: vec![0.0; 3 * count * nv],
-            angular: vec![0.0; 3 * count * nv],
-        }
-    }
-
-    /// Forgets the points.
-    pub fn clear(&mut self) {
-        self.bodies.clear();
-        self.places.clear();
-    }
-
-    /// Adds the body's point at a place.
-    pub fn push(&mut self, body: c_int, place: Vector) {
-        self.bodies.push(body);
-        self.places.extend_from_slice(&place);
-    }
-
-    /// Adds a point.
-    pub fn push_point(&mut self, point: &Point, data: &Data) {
-        self.push(point.body, point.place(data));
-    }
-
-    /// Computes J̇ of every point and of its body's rotation.
-    ///
-    /// # Errors
-    /// [`Error::Mujoco`].
-    pub fn differentiate(&mut self, data: &mut Data) -> Result<(), Error> {
-        let entries = self.places.len() * data.model().nv();
-        if self.linear.len() < entries {
-            self.linear.resize(entries, 0.0);
-            self.angular.resize(entries, 0.0);
-        }
-        let (linear, angular) = (&mut self.linear[..entries], &mut self.angular[..entries]);
-        data.jacobians_dot(&self.bodies, &self.places, linear, angular)
-    }
-
-    /// J̇v of every point, in the order in which they were added.
-    #[must_use]
-    pub fn bends<'a>(&'a self, qvel: &'a [f64]) -> Bends<'a> {
-        let rows = |entries: &'a [f64]| entries.chunks_exact(3 * qvel.len());
-        Bends { qvel, linear: rows(&self.linear), angular: rows(&self.angular) }
-    }
-}
-
-/// J̇v of points, one after another.
-#[derive(Debug)]
-pub struct Bends<'a> {
-    qvel: &'a [f64],
-    linear: std::slice::ChunksExact<'a, f64>,
-    angular: std::slice::ChunksExact<'a, f64>,
-}
-
-impl<'a> Bends<'a> {
-    /// J̇ of the next point and of its body's rotation, 3×nv each.
-    fn next(&mut self) -> (&'a [f64], &'a [f64]) {
-        self.linear.next().zip(self.angular.next()).expect("no more points are read than were added")
-    }
-
-    /// Of the next point, m/s².
-    pub fn point(&mut self) -> Vector {
-        let (linear, _) = self.next();
-        let row = |i| &linear[i * self.qvel.len()..];
-        [0, 1, 2].map(|i| sum(row(i).iter().zip(self.qvel).map(|(rate, v)| rate * v)))
-    }
-
-    /// Of p₁ − p₂, the next two points, m/s².
-    pub fn points_apart(&mut self) -> Vector {
-        let ((linear1, _), (linear2, _)) = (self.next(), self.next());
-        self.apart(linear1, linear2)
-    }
-
-    /// Of p₁ − p₂, the next two points, m/s², and of ω₁ − ω₂, rad/s².
-    pub fn bodies_apart(&mut self) -> (Vector, Vector) {
-        let ((linear1, angular1), (linear2, angular2)) = (self.next(), self.next());
-        (self.apart(linear1, linear2), self.apart(angular1, angular2))
-    }
-
-    /// (J̇₁ − J̇₂) v: the difference first, so that a point and one that moves with it leave exactly nothing.
-    fn apart(&self, first: &[f64], second: &[f64]) -> Vector {
-        let nv = self.qvel.len();
-        let rows = |i: usize| first[i * nv..].iter().zip(&second[i * nv..]).zip(self.qvel);
-        [0, 1, 2].map(|i| sum(rows(i).map(|((a, b), v)| (a - b) * v)))
-    }
+    minus(place, at(data.subtree_com(), root))
 }

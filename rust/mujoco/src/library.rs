@@ -39,7 +39,10 @@ struct ModelView {
     sparse: i64,
     integrator: i64,
     timestep: f64,
+    body_parentid: *const c_int,
     body_rootid: *const c_int,
+    body_dofadr: *const c_int,
+    body_dofnum: *const c_int,
     jnt_type: *const c_int,
     jnt_qposadr: *const c_int,
     jnt_dofadr: *const c_int,
@@ -82,6 +85,7 @@ struct DataView {
     xquat: *const f64,
     xmat: *const f64,
     cvel: *const f64,
+    cdof_dot: *const f64,
     subtree_com: *const f64,
     geom_xpos: *const f64,
     geom_xmat: *const f64,
@@ -142,16 +146,6 @@ unsafe extern "C" {
         data: *mut c_void,
         x: *mut f64,
         y: *const f64,
-        message: *mut c_char,
-    ) -> c_int;
-    fn oarlock_jacobians_dot(
-        model: *const c_void,
-        data: *const c_void,
-        count: c_int,
-        bodies: *const c_int,
-        points: *const f64,
-        linear: *mut f64,
-        angular: *mut f64,
         message: *mut c_char,
     ) -> c_int;
     fn oarlock_jacobian_times(
@@ -277,8 +271,14 @@ macro_rules! arrays {
 }
 
 arrays! { Model,
+    /// Parent of each body, nbody.
+    body_parentid: c_int = |m| size(m.view.nbody);
     /// Root of each body's tree, nbody.
     body_rootid: c_int = |m| size(m.view.nbody);
+    /// First entry of each body's own joints in qvel, or −1, nbody.
+    body_dofadr: c_int = |m| size(m.view.nbody);
+    /// Number of its own entries, nbody.
+    body_dofnum: c_int = |m| size(m.view.nbody);
     /// mjtJoint, njnt.
     jnt_type: c_int = |m| size(m.view.njnt);
     /// First entry in qpos, njnt.
@@ -557,6 +557,8 @@ arrays! { Data,
     xmat: f64 = |d| 9 * size(d.model.view.nbody);
     /// Angular velocities of bodies and linear ones at their tree's centre of mass, nbody×6.
     cvel: f64 = |d| 6 * size(d.model.view.nbody);
+    /// Rates of the joint axes as spatial vectors at their tree's centre of mass, nv×6.
+    cdof_dot: f64 = |d| 6 * d.model.nv();
     /// Centres of mass of subtrees, nbody×3, m.
     subtree_com: f64 = |d| 3 * size(d.model.view.nbody);
     /// Places of geoms, ngeom×3, m.
@@ -718,40 +720,6 @@ impl Data {
                 self.raw.as_ptr(),
                 x.as_mut_ptr(),
                 y.as_ptr(),
-                message,
-            )
-        })
-    }
-
-    /// J̇ of points (count×3, world axes, m) of `bodies` (count), 3×nv each: of the point into `linear`, of the body's
-    /// rotation into `angular`.
-    ///
-    /// # Errors
-    /// [`Error::Mujoco`].
-    ///
-    /// # Panics
-    /// If the slices are not of these lengths, or there is no such body.
-    pub fn jacobians_dot(
-        &mut self,
-        bodies: &[c_int],
-        points: &[f64],
-        linear: &mut [f64],
-        angular: &mut [f64],
-    ) -> Result<(), Error> {
-        let (count, entries) = (bodies.len(), 3 * bodies.len() * self.model.nv());
-        assert_eq!((points.len(), linear.len(), angular.len()), (3 * count, entries, entries));
-        assert!(bodies.iter().all(|&body| (0..self.model.view.nbody).contains(&i64::from(body))));
-        let count = c_int::try_from(count).expect("no model has as many bodies");
-        // SAFETY: lengths and bodies are right; MuJoCo uses the data's stack, which `&mut self` makes exclusive.
-        trapped(|message| unsafe {
-            oarlock_jacobians_dot(
-                self.model.raw.as_ptr(),
-                self.raw.as_ptr(),
-                count,
-                bodies.as_ptr(),
-                points.as_ptr(),
-                linear.as_mut_ptr(),
-                angular.as_mut_ptr(),
                 message,
             )
         })

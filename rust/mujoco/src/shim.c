@@ -21,7 +21,7 @@ static void* symbol(void* library, const char* name) { return dlsym(library, nam
   X(mj_copyModel) X(mj_deleteModel) X(mj_makeData) X(mj_deleteData) X(mj_isSparse) X(mj_version) X(mj_step)         \
   X(mj_forward) X(mj_fwdPosition) X(mj_fwdVelocity) X(mj_fwdActuation) X(mj_fwdAcceleration) X(mj_fwdConstraint)   \
   X(mj_RungeKutta) X(mj_Euler) X(mj_implicit) X(mj_energyPos) X(mj_energyVel) X(mj_solveM) X(mj_solveM2)            \
-  X(mj_jacDot) X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacVec) X(mj_mulJacTVec) X(mj_id2name)
+  X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacVec) X(mj_mulJacTVec) X(mj_id2name)
 
 // The handler of one thread only: not in the public headers, but what MuJoCo's own bindings trap errors with. Its type
 // is checked by use; the library is of exactly the version of the headers.
@@ -96,7 +96,8 @@ void oarlock_view_model(const mjModel* m, oarlock_model* view) {
     .nq = m->nq, .nv = m->nv, .nu = m->nu, .na = m->na, .nbody = m->nbody, .njnt = m->njnt, .ngeom = m->ngeom,
     .nsite = m->nsite, .neq = m->neq, .ntendon = m->ntendon, .nwrap = m->nwrap, .nplugin = m->nplugin,
     .sparse = api.mj_isSparse(m), .integrator = m->opt.integrator, .timestep = m->opt.timestep,
-    .body_rootid = m->body_rootid, .jnt_type = m->jnt_type, .jnt_qposadr = m->jnt_qposadr,
+    .body_parentid = m->body_parentid, .body_rootid = m->body_rootid, .body_dofadr = m->body_dofadr,
+    .body_dofnum = m->body_dofnum, .jnt_type = m->jnt_type, .jnt_qposadr = m->jnt_qposadr,
     .jnt_dofadr = m->jnt_dofadr, .geom_bodyid = m->geom_bodyid, .site_bodyid = m->site_bodyid,
     .eq_type = m->eq_type, .eq_obj1id = m->eq_obj1id, .eq_obj2id = m->eq_obj2id, .eq_objtype = m->eq_objtype,
     .tendon_adr = m->tendon_adr, .tendon_num = m->tendon_num, .wrap_type = m->wrap_type,
@@ -113,8 +114,8 @@ void oarlock_view_data(mjData* d, oarlock_data* view) {
   *view = (oarlock_data){
     .time = &d->time, .energy = d->energy, .qpos = d->qpos, .qvel = d->qvel, .act = d->act, .ctrl = d->ctrl,
     .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth, .inverse_diagonal = d->qLDiagInv, .xpos = d->xpos,
-    .xquat = d->xquat, .xmat = d->xmat, .cvel = d->cvel, .subtree_com = d->subtree_com,
-    .geom_xpos = d->geom_xpos, .geom_xmat = d->geom_xmat, .site_xpos = d->site_xpos,
+    .xquat = d->xquat, .xmat = d->xmat, .cvel = d->cvel, .cdof_dot = d->cdof_dot,
+    .subtree_com = d->subtree_com, .geom_xpos = d->geom_xpos, .geom_xmat = d->geom_xmat, .site_xpos = d->site_xpos,
     .ten_length = d->ten_length, .ten_velocity = d->ten_velocity, .wrap_xpos = d->wrap_xpos,
     .ten_wrapadr = d->ten_wrapadr, .ten_wrapnum = d->ten_wrapnum, .wrap_obj = d->wrap_obj,
     .solver_niter = d->solver_niter,
@@ -163,20 +164,6 @@ int oarlock_whiten(const mjModel* m, mjData* d, int count, double* x, const doub
 // x = M⁻¹ y, both nv.
 int oarlock_solve_mass(const mjModel* m, mjData* d, double* x, const double* y, char* message) {
   TRAPPED(message, api.mj_solveM(m, d, x, y, 1));
-}
-
-static void jacobians_dot(const mjModel* m, const mjData* d, int count, const int* bodies, const double* points,
-                          double* linear, double* angular) {
-  const size_t size = 3 * (size_t)m->nv;
-  for (int i = 0; i < count; i++) {
-    api.mj_jacDot(m, d, linear + i * size, angular + i * size, points + 3 * i, bodies[i]);
-  }
-}
-
-// J̇ of points (count×3) of bodies: 3×nv of the point and of the body's rotation, one after another.
-int oarlock_jacobians_dot(const mjModel* m, const mjData* d, int count, const int* bodies, const double* points,
-                          double* linear, double* angular, char* message) {
-  TRAPPED(message, jacobians_dot(m, d, count, bodies, points, linear, angular));
 }
 
 // y = J x, nefc of nv, and y = Jᵀ x, nv of nefc.

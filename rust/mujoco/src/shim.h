@@ -13,8 +13,9 @@ typedef struct {
   int64_t nq, nv, nu, na, nbody, njnt, ngeom, nsite, neq, ntendon, nwrap, nplugin;
   int64_t sparse, integrator;
   double timestep;
-  const int *body_rootid, *jnt_type, *jnt_qposadr, *jnt_dofadr, *geom_bodyid, *site_bodyid;
-  const int *eq_type, *eq_obj1id, *eq_obj2id, *eq_objtype, *tendon_adr, *tendon_num, *wrap_type, *wrap_objid;
+  const int *body_parentid, *body_rootid, *body_dofadr, *body_dofnum, *jnt_type, *jnt_qposadr, *jnt_dofadr;
+  const int *geom_bodyid, *site_bodyid, *eq_type, *eq_obj1id, *eq_obj2id, *eq_objtype, *tendon_adr, *tendon_num;
+  const int *wrap_type, *wrap_objid;
   const mjtBool* eq_active0;
   const double *qpos0, *geom_size, *site_quat, *eq_data, *tendon_length0, *wrap_prm;
   double extent, center[3];
@@ -23,8 +24,8 @@ typedef struct {
 // The arrays of mjData that stay where they are.
 typedef struct {
   double *time, *energy, *qpos, *qvel, *act, *ctrl, *qacc, *qfrc_constraint;
-  const double *qfrc_smooth, *qacc_smooth, *inverse_diagonal, *xpos, *xquat, *xmat, *cvel, *subtree_com;
-  const double *geom_xpos, *geom_xmat, *site_xpos, *ten_length, *ten_velocity, *wrap_xpos;
+  const double *qfrc_smooth, *qacc_smooth, *inverse_diagonal, *xpos, *xquat, *xmat, *cvel, *cdof_dot;
+  const double *subtree_com, *geom_xpos, *geom_xmat, *site_xpos, *ten_length, *ten_velocity, *wrap_xpos;
   const int *ten_wrapadr, *ten_wrapnum, *wrap_obj, *solver_niter;
 } oarlock_data;
 

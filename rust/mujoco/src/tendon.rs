@@ -15,7 +15,7 @@ use std::f64::consts::PI;
 use std::ffi::c_int;
 
 use crate::error::Error;
-use crate::kinematics::{Bends, Points, index, spin, velocity};
+use crate::kinematics::{Kinematics, index, spin, velocity};
 use crate::library::{Data, Element, Model, WRAP_CYLINDER, WRAP_JOINT, WRAP_PULLEY, WRAP_SITE};
 use crate::vectors::{Vector, at, cross, dot, minus, plus, scaled};
 
@@ -75,40 +75,24 @@ impl Tendon {
         Self { index, name: model.name(Element::Tendon, index), pieces: pieces(model, index) }
     }
 
-    /// How many points it can need.
-    #[must_use]
-    pub fn points(&self) -> usize {
-        4 * self.pieces.len()
-    }
-
-    /// Adds the points whose J̇ [`Tendon::bend`] reads.
-    pub fn gather(&self, data: &Data, points: &mut Points) {
-        for piece in &self.pieces {
-            let run = self.run(data, piece);
-            if matches!(run, Run::Rigid) {
-                continue;
-            }
-            for (&site, &body) in piece.sites.iter().zip(&piece.bodies) {
-                let place = at(data.site_xpos(), site);
-                points.push(body, place);
-                if let Run::Wrapped(geom, _) = run {
-                    points.push(geom.body, place);
-                }
-            }
-        }
+    /// Those whose motion it needs.
+    pub fn bodies(&self) -> impl Iterator<Item = c_int> {
+        self.pieces
+            .iter()
+            .flat_map(|piece| piece.bodies.into_iter().chain(piece.geom.as_ref().map(|geom| geom.body)))
     }
 
     /// J̇v of the tendon, m/s²; 0 for a fixed tendon, whose Jacobian is constant.
     ///
     /// # Errors
     /// [`Error::Refused`]: the length has no second derivative here, or wraps inside a geom.
-    pub fn bend(&self, data: &Data, bends: &mut Bends) -> Result<f64, Error> {
+    pub fn bend(&self, data: &Data, kinematics: &Kinematics) -> Result<f64, Error> {
         let mut total = 0.0;
         for piece in &self.pieces {
             total += match self.run(data, piece) {
                 Run::Rigid => continue,
-                Run::Straight => self.straight(data, piece, bends)?,
-                Run::Wrapped(geom, touch) => self.wrapped(data, piece, geom, touch, bends)?,
+                Run::Straight => self.straight(data, kinematics, piece)?,
+                Run::Wrapped(geom, touch) => self.wrapped(data, kinematics, piece, geom, touch)?,
             } / piece.divisor;
         }
         Ok(total)
@@ -137,8 +121,8 @@ impl Tendon {
         None
     }
 
-    fn straight(&self, data: &Data, piece: &Piece, bends: &mut Bends) -> Result<f64, Error> {
-        let [end0, end1] = [0, 1].map(|end| motion(data, piece, end, bends));
+    fn straight(&self, data: &Data, kinematics: &Kinematics, piece: &Piece) -> Result<f64, Error> {
+        let [end0, end1] = [0, 1].map(|end| motion(data, kinematics, piece, end));
         let apart = (minus(end1.0, end0.0), minus(end1.1, end0.1), minus(end1.2, end0.2));
         if dot(apart.0, apart.0).sqrt() < LEAST {
             return Err(Error::Refused(format!(
@@ -152,10 +136,10 @@ impl Tendon {
     fn wrapped(
         &self,
         data: &Data,
+        kinematics: &Kinematics,
         piece: &Piece,
         geom: &Geom,
         touch: Vector,
-        bends: &mut Bends,
     ) -> Result<f64, Error> {
         let (body, radius, centre) = (geom.body, geom.radius, at(data.geom_xpos(), geom.index));
         let matrix = &data.geom_xmat()[9 * geom.index..];
@@ -173,9 +157,9 @@ impl Tendon {
         let spin = spin(data, body);
         // In the geom's frame, written in world axes.
         let ends = [0, 1].map(|end| {
-            let (place, own_velocity, own_bend) = motion(data, piece, end, bends);
+            let (place, own_velocity, own_bend) = motion(data, kinematics, piece, end);
             let relative = minus(own_velocity, velocity(data, body, place));
-            let bend = minus(own_bend, bends.point());
+            let bend = minus(own_bend, kinematics.bend(data, body, place));
             (minus(place, centre), relative, minus(bend, scaled(2.0, cross(spin, relative))))
         });
         let arrival = minus(touch, centre);
@@ -245,9 +229,9 @@ impl Tendon {
 }
 
 /// Of one end of a piece.
-fn motion(data: &Data, piece: &Piece, end: usize, bends: &mut Bends) -> Motion {
-    let place = at(data.site_xpos(), piece.sites[end]);
-    (place, velocity(data, piece.bodies[end], place), bends.point())
+fn motion(data: &Data, kinematics: &Kinematics, piece: &Piece, end: usize) -> Motion {
+    let (place, body) = (at(data.site_xpos(), piece.sites[end]), piece.bodies[end]);
+    (place, velocity(data, body, place), kinematics.bend(data, body, place))
 }
 
 /// |x|; x is not 0.
