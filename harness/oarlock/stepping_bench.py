@@ -7,6 +7,7 @@ whichever setting of both is fastest here.
 import statistics
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -17,8 +18,10 @@ from oarlock.errors import InputError
 from oarlock.experiments import Laboratory
 from oarlock.native_path import NativePath
 from oarlock.python_path import PythonPath
+from oarlock.results import SCHEMA
 from oarlock.setup import Setup
 from oarlock.solvers import REFERENCE, SolverSpec
+from oarlock.spool import spools
 
 MODELS = ("boat", "four_bar", "n_four_bar:N=10,connects=2", "n_four_bar:N=40,connects=2")
 STEPS = 2000
@@ -34,8 +37,14 @@ _JACOBIANS = {
 }
 _ISLANDS_OFF = mujoco.mjtDisableBit.mjDSBL_ISLAND
 
+_SPOOLS = partial(spools, schema=SCHEMA)
+
 Contender = Callable[[], float]
 """Does what is to be timed once and gives the time of a step, s."""
+
+
+def _no_tick(_steps: int) -> None:
+    pass
 
 
 class _Track:
@@ -44,7 +53,7 @@ class _Track:
     def __init__(self, name: str, steps: int):
         case = load_case(name)
         timestep_s = case.file.run.timestep_s or 1e-3
-        self._laboratory = Laboratory(case, None, steps * timestep_s, lambda steps: None)
+        self._laboratory = Laboratory(case, None, steps * timestep_s, _no_tick)
         self._terms = case.file.baumgarte
         self.steps = steps
 
@@ -79,7 +88,7 @@ class _Track:
         return setup
 
     def _path(self, setup: Setup) -> NativePath:
-        return NativePath(setup, self._terms, self._make, lambda steps: None)
+        return NativePath(setup, self._terms, self._make, _no_tick, _SPOOLS)
 
     def _make(self, spec: SolverSpec) -> _core.MultiplierSolver:
         return spec.with_defaults(rank_cut=self._laboratory.case.file.rank_cut).make()
@@ -106,7 +115,7 @@ class _Track:
     def _python(self) -> Contender:
         setup = self._setup()
         setup.steps = PYTHON_STEPS
-        path = PythonPath(setup, self._terms, self._make, lambda steps: None)
+        path = PythonPath(setup, self._terms, self._make, _no_tick, _SPOOLS)
         tracked = (SolverSpec("sr1-tracked"),)
 
         def once() -> float:
@@ -153,7 +162,9 @@ def bench_stepping(
         for _ in range(rounds):
             for name, once in contenders.items():
                 times[name].append(once())
-        fastest = min((name for name in times if name.startswith(BARE)), key=lambda name: statistics.median(times[name]))
+        fastest = min(
+            (name for name in times if name.startswith(BARE)), key=lambda name: statistics.median(times[name])
+        )
 
         def ratio(name: str, over: str, times: dict[str, list[float]] = times) -> float:
             return statistics.median(a / b for a, b in zip(times[name], times[over], strict=True))
