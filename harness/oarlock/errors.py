@@ -35,7 +35,7 @@ def choose(what: str, name: str, valid: Sequence[Name]) -> Name:
     """
     if name not in valid:
         raise InputError(f"unknown {what} '{name}', expected one of: {', '.join(valid) or '(there are none)'}")
-    return valid[list(valid).index(name)]
+    return next(one for one in valid if one == name)
 
 
 def few(names: Sequence[str], last: str = "and") -> str:
