@@ -375,7 +375,7 @@ PEAK = """
 import json, sys
 from oarlock import spool
 spool.HELD, spool.HELD_TOGETHER = int(sys.argv[1]), 4 * int(sys.argv[1])
-from typing import Any
+from pathlib import Path
 {imports}
 def peak(): return 1024 * int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
 {prepare}
