@@ -28,6 +28,8 @@ TICK_STEPS = 200
 CHUNK_ROWS = 10_000
 """Rows, of all tables of a walk together, that the core holds at most before they are taken over."""
 
+_LIST = pl.List(pl.Float64)
+
 
 @cache
 def refusal() -> str:
@@ -192,8 +194,10 @@ def _lists(values: np.ndarray, lengths: np.ndarray) -> pl.Series:
     stretches, at = [], 0
     for start, stop in zip(starts, [*starts[1:], len(lengths)], strict=True):
         width, count = int(lengths[start]), int(stop - start)
-        part = values[at : at + width * count].reshape(count, width)
+        part = pl.Series(values[at : at + width * count])
         at += width * count
-        empty = pl.Series([[]] * count, dtype=pl.List(pl.Float64))
-        stretches.append(pl.Series(part).cast(pl.List(pl.Float64)) if width else empty)
+        if width:
+            stretches.append(part.reshape((count, width)).cast(_LIST))
+        else:
+            stretches.append(pl.Series([[]], dtype=_LIST).extend_constant([], count - 1))
     return pl.concat(stretches)

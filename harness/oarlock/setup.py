@@ -17,7 +17,7 @@ from oarlock.start import ConsistentStart, consistent_start
 from oarlock.truth import TruthTrajectory
 
 MAX_STEPS = 10_000_000
-"""Steps of a run at most: their rows fill some 3 GB of disk."""
+"""Steps of a run at most: their rows take a gigabyte or more of disk."""
 
 TRUTH_ROWS = 50_000
 """Rows of the table of the truth at most: it is there to be drawn, and no figure shows more points."""
