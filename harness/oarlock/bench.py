@@ -37,6 +37,7 @@ def bench(sizes: list[int] | None = None, rounds: int = ROUNDS) -> Iterator[list
         yield _with_ratios(_core.bench_solvers(n, rounds))
 
 
-def document(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """What ``oarlock bench --json`` writes."""
-    return {"provenance": {"oarlock": _core.VERSION, "core_profile": _core.BUILD_PROFILE, **occasion()}, "rows": rows}
+def document(rows: list[dict[str, Any]], steps: list[dict[str, Any]]) -> dict[str, Any]:
+    """What ``oarlock bench --json`` writes: the rows of the solvers, and those of ``bench_stepping``."""
+    provenance = {"oarlock": _core.VERSION, "core_profile": _core.BUILD_PROFILE, **occasion()}
+    return {"provenance": provenance, "rows": rows, "stepping": steps}

@@ -267,20 +267,41 @@ def report(
 @app.command()
 @_ends()
 def bench(
-    size: Annotated[list[int] | None, typer.Option(metavar="N", help="Rows, a multiple of 6; may be repeated.")] = None,
+    size: Annotated[
+        list[int] | None, typer.Option(metavar="N", help="Solvers only: rows, a multiple of 6; may be repeated.")
+    ] = None,
+    model: Annotated[
+        list[str] | None, typer.Option(metavar="MODEL", help="Steps only: of this model; may be repeated.")
+    ] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Interleaved rounds, of which the median counts.")] = 9,
     as_json: JsonOption = None,
 ) -> None:
-    """Times every solver beside the pseudo-inverses of Rust's libraries, as ratios measured in one run."""
+    """Times solvers beside the pseudo-inverses of Rust's libraries, and steps beside mj_step, as ratios of one run."""
     from oarlock import bench as benchmark
+    from oarlock import stepping_bench
 
-    rows = []
-    for table in benchmark.bench(size, rounds):
+    rows, steps = [], []
+    for table in benchmark.bench(size, rounds) if size or not model else ():
         rows += table
         if as_json != "-":
             _print_bench(table)
+    for table in stepping_bench.bench_stepping(model or stepping_bench.MODELS, rounds) if model or not size else ():
+        steps += table
+        if as_json != "-":
+            _print_stepping_bench(table)
     if as_json:
-        _emit_json(benchmark.document(rows), as_json)
+        _emit_json(benchmark.document(rows, steps), as_json)
+
+
+def _print_stepping_bench(rows: list[dict[str, Any]]) -> None:
+    table = Table(box=None, header_style="bold", pad_edge=False, title=rows[0]["model"], title_justify="left")
+    table.add_column("a step of", no_wrap=True)
+    for title in ("time", "to mj_step", "to its fastest setting"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for row in rows:
+        ratios = (f"{row['ratio']:.2f}", f"{row['ratio_to_fastest']:.2f}")
+        table.add_row(row["name"], f"{row['step_us']:.2f} µs", *ratios)
+    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
 
 
 def _print_bench(rows: list[dict[str, Any]]) -> None:
