@@ -271,7 +271,7 @@ def test_condensed_tables_lose_no_peak(monkeypatch):
     columns |= {"truth_error": [None if step < 100 else v for step, v in enumerate(values)]}
     columns |= {"residual": [[v, 2 * v] if step != 700 else [v] for step, v in enumerate(values)]}
     steps = pl.DataFrame({"step": np.arange(1000), **columns}, strict=False)
-    found = figures.condensed(steps.lazy(), 1000).collect(engine="streaming")
+    found = figures.condensed(steps.lazy(), 1000)
     assert found.columns == steps.columns
     assert found["time_s"].to_list() == [20 * stretch / 8 for stretch in range(50)]
     assert [place[0] for place in found["qpos"].head(16)] == values[:320:20].tolist()
@@ -281,7 +281,7 @@ def test_condensed_tables_lose_no_peak(monkeypatch):
     assert math.isnan(found["truth_error"][27])
     assert all(math.isnan(entry) for entry in (*found["residual"][27], *found["residual"][35]))
     assert found["iterations"].mean() == pytest.approx(steps["iterations"].mean())
-    assert figures.condensed(steps.lazy(), 100).collect().equals(steps)
+    assert figures.condensed(steps.lazy(), 100).equals(steps)
 
 
 def test_the_report_of_a_long_run(tmp_path, monkeypatch):

@@ -88,14 +88,14 @@ def _significant(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.with_columns(pl.col("value").fill_nan(None).round_sig_figs(6))
 
 
-def condensed(steps: pl.LazyFrame, height: int) -> pl.LazyFrame:
+def condensed(steps: pl.LazyFrame, height: int) -> pl.DataFrame:
     """A long table of ``height`` rows in stretches of equal length, which no curve shows; needs the column ``step``.
 
     Time and coordinates are those at the beginning of a stretch, iterations its mean. Of other figures, and of each row
     of the constraints, it has the largest magnitude, or NaN where there is one: no peak is lost, and no gap.
     """
     if height <= LONG:
-        return steps
+        return steps.collect()
     schema, kept, lists = steps.collect_schema(), [], []
     for name, kind in schema.items():
         column = pl.col(name)
@@ -114,8 +114,11 @@ def condensed(steps: pl.LazyFrame, height: int) -> pl.LazyFrame:
             lists.append(pl.concat_list(names).alias(name))
         elif name != "step":
             kept.append(_largest(column))
-    stretch = pl.col("step") // math.ceil(height / STRETCHES)
-    return steps.group_by(stretch).agg(kept).sort("step").with_columns(lists).select(schema.names())
+    length = math.ceil(height / STRETCHES)
+    block = length * max(1, LONG // length)
+    blocks = [steps.slice(begin, block) for begin in range(0, height, block)]  # polars would group all of it in memory
+    stretches = [rows.group_by(pl.col("step") // length).agg(kept).sort("step").collect() for rows in blocks]
+    return pl.concat(stretches).with_columns(lists).select(schema.names())
 
 
 def _largest(column: pl.Expr) -> pl.Expr:

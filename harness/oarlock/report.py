@@ -11,7 +11,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -120,15 +120,13 @@ class Tables:
 
     def steps(self, row: dict[str, Any], *columns: str) -> pl.DataFrame:
         """Columns of the steps of a run; of a long one condensed."""
-        return self._read(row, lambda steps: figures.condensed(steps.select("step", *columns), row["steps_done"]))
+        with reading(self.folder.steps_path(row["run"])) as path:
+            return figures.condensed(pl.scan_parquet(path).select("step", *columns), row["steps_done"])
 
     def counted(self, row: dict[str, Any], column: str) -> pl.DataFrame:
         """How many steps have each value of a column, as ``len``."""
-        return self._read(row, lambda steps: steps.group_by(column).len())
-
-    def _read(self, row: dict[str, Any], what: Callable[[pl.LazyFrame], pl.LazyFrame]) -> pl.DataFrame:
         with reading(self.folder.steps_path(row["run"])) as path:
-            return what(pl.scan_parquet(path)).collect(engine="streaming")
+            return pl.scan_parquet(path).group_by(column).len().collect(engine="streaming")
 
 
 def draw(tables: Tables) -> list[Figure]:
