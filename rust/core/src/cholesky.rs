@@ -16,7 +16,8 @@
 //! r² d + d² n, and its error grows with the condition of A rather than with that of L₁, its square root. At full rank the
 //! two triangular solves are all there is; where only accelerations are wanted the last projection is left out.
 //!
-//! Sizes up to 8 run on code compiled for their size (as L D Lᵀ, without square roots), those from 24 on on faer's blocked
+//! Where A has a narrow envelope, as with chains of loops, and is clearly of full rank, its factor is that of [`skyline`],
+//! without pivots. Of the rest, sizes up to 8 run on code compiled for their size (as L D Lᵀ, without square roots), those from 24 on on faer's blocked
 //! kernels. faer's own rank cut is at rounding; with complete pivoting the pivots fall, so that ours is a shorter prefix of
 //! the same factor.
 
@@ -32,6 +33,7 @@ use crate::info::Info;
 use crate::kernels::{BLOCKED, axpy, by_size, dot, norm};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem, Wanted};
+use crate::skyline;
 use crate::small;
 use crate::solver::{MultiplierSolver, SolverKind, State};
 
@@ -192,6 +194,17 @@ impl Cholesky {
         self.resize(order.len());
         self.pivots.copy_from_slice(&order);
         Ok(())
+    }
+
+    /// Without pivots where A has a narrow envelope and is clearly of full rank.
+    fn run_narrow(&mut self, first: &[usize], matrix: &[f64], rhs: &[f64], x: &mut [f64]) -> Option<Found> {
+        let cut = self.params.rank_cut.max(rhs.len() as f64 * f64::EPSILON);
+        x.copy_from_slice(rhs);
+        let largest =
+            skyline::solve_regular(first, cut, matrix, &mut self.factor, &mut self.factor_inverse, x)?;
+        self.outside.fill(0.0);
+        self.forget();
+        Some(Found { rank: rhs.len(), first: largest, dropped: 0.0, lowest: 0.0 })
     }
 
     /// Factor, projections and solves for sizes that have no code of their own.
@@ -472,8 +485,13 @@ impl MultiplierSolver for Cholesky {
         self.resize(n);
         problem.matrix();
         let (matrix, rhs, wanted) = (problem.dense.as_slice(), problem.rhs(), problem.wanted);
-        let found =
-            by_size!(n, Self::run_fixed(self, matrix, rhs, wanted, x), self.run(matrix, rhs, wanted, x));
+        let narrow = problem.envelope.and_then(|first| self.run_narrow(first, matrix, rhs, x));
+        let found = match narrow {
+            Some(found) => found,
+            None => {
+                by_size!(n, Self::run_fixed(self, matrix, rhs, wanted, x), self.run(matrix, rhs, wanted, x))
+            }
+        };
         if found.lowest < -INDEFINITE * found.first.abs() || found.first < 0.0 {
             return Err(Error::NotPositiveSemidefinite { smallest: found.lowest, largest: found.first });
         }

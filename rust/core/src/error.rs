@@ -160,6 +160,10 @@ pub(crate) fn check_size(what: &'static str, values: &[f64]) -> Result<(), Error
 /// # Errors
 /// [`Error::NonFinite`] with the first offending entry.
 pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<(), Error> {
+    // All of them first: a loop without a way out is several times as fast.
+    if values.iter().fold(true, |finite, value| finite & value.is_finite()) {
+        return Ok(());
+    }
     match values.iter().position(|value| !value.is_finite()) {
         None => Ok(()),
         Some(index) => Err(Error::NonFinite { what, index, value: values[index] }),

@@ -25,6 +25,14 @@ struct Member {
     class: usize,
     /// tᵢ, the multiple of the representative.
     factor: f64,
+    /// tᵢ/√Σt², its entry of T.
+    share: f64,
+}
+
+impl Member {
+    const fn new(class: usize, factor: f64) -> Self {
+        Self { class, factor, share: 1.0 }
+    }
 }
 
 /// The classes of proportional rows of one mechanism.
@@ -41,7 +49,7 @@ impl Fold {
     #[must_use]
     pub fn identity(n: usize) -> Self {
         Self {
-            members: (0..n).map(|class| Some(Member { class, factor: 1.0 })).collect(),
+            members: (0..n).map(|class| Some(Member::new(class, 1.0))).collect(),
             representatives: (0..n).collect(),
             scales: vec![1.0; n],
         }
@@ -58,11 +66,11 @@ impl Fold {
                 continue;
             }
             let found = fold.representatives.iter().enumerate().find_map(|(class, &representative)| {
-                fit(row, row_of(rows, width, representative)).map(|factor| Member { class, factor })
+                fit(row, row_of(rows, width, representative)).map(|factor| Member::new(class, factor))
             });
             fold.members.push(Some(found.unwrap_or_else(|| {
                 fold.representatives.push(index);
-                Member { class: fold.representatives.len() - 1, factor: 1.0 }
+                Member::new(fold.representatives.len() - 1, 1.0)
             })));
         }
         fold.rescale();
@@ -71,32 +79,47 @@ impl Fold {
 
     /// Fits the factors to the rows of another step; whether the classes still hold.
     pub fn refit(&mut self, rows: &[f64], width: usize) -> bool {
+        self.refit_within(rows, width, |_| (0, width))
+    }
+
+    /// The same, of rows that are zero outside of a span each, from its first entry to one past its last.
+    pub(crate) fn refit_within(
+        &mut self,
+        rows: &[f64],
+        width: usize,
+        span: impl Fn(usize) -> (usize, usize),
+    ) -> bool {
         if self.members.len() * width != rows.len() {
             return false;
         }
         if self.is_identity() {
             return true;
         }
-        let floor = FOLD_TOLERANCE * largest(rows);
+        let (mut all, mut vanished, mut standing) = (0.0_f64, 0.0_f64, f64::INFINITY);
         for (index, member) in self.members.iter_mut().enumerate() {
-            let row = &rows[index * width..(index + 1) * width];
-            match member {
-                None if largest(row) > floor => return false,
-                None => {}
-                Some(member) => {
-                    let representative = self.representatives[member.class];
-                    if representative == index {
-                        if largest(row) <= floor {
-                            return false;
-                        }
-                        continue;
-                    }
-                    match fit(row, row_of(rows, width, representative)) {
-                        Some(factor) => member.factor = factor,
-                        None => return false,
-                    }
-                }
+            let (first, end) = span(index);
+            let row = row_of(rows, width, index);
+            let size = largest(&row[first..end]);
+            all = all.max(size);
+            let Some(member) = member else {
+                vanished = vanished.max(size);
+                continue;
+            };
+            let representative = self.representatives[member.class];
+            if representative == index {
+                standing = standing.min(size);
+                continue;
             }
+            let (other, until) = span(representative);
+            let both = first.min(other)..end.max(until);
+            match fit(&row[both.clone()], &row_of(rows, width, representative)[both]) {
+                Some(factor) => member.factor = factor,
+                None => return false,
+            }
+        }
+        let floor = FOLD_TOLERANCE * all;
+        if vanished > floor || standing <= floor {
+            return false;
         }
         self.rescale();
         true
@@ -115,6 +138,9 @@ impl Fold {
             self.scales[member.class] += member.factor * member.factor;
         }
         self.scales.iter_mut().for_each(|scale| *scale = scale.sqrt());
+        for member in self.members.iter_mut().flatten() {
+            member.share = member.factor / self.scales[member.class];
+        }
     }
 
     /// Number of rows n.
@@ -142,7 +168,7 @@ impl Fold {
 
     /// Class and entry of T of every row; `None` for a zero row.
     pub(crate) fn shares(&self) -> impl Iterator<Item = Option<(usize, f64)>> + Clone + '_ {
-        self.members.iter().map(|member| member.map(|m| (m.class, m.factor / self.scales[m.class])))
+        self.members.iter().map(|member| member.map(|m| (m.class, m.share)))
     }
 
     /// `reduced` = Tᵀ `full`; gives ‖full − T Tᵀ full‖, the part outside range(T).
@@ -150,7 +176,7 @@ impl Fold {
         reduced.fill(0.0);
         for (member, &value) in self.members.iter().zip(full) {
             if let Some(member) = member {
-                reduced[member.class] += member.factor / self.scales[member.class] * value;
+                reduced[member.class] += member.share * value;
             }
         }
         if self.is_identity() {
@@ -158,7 +184,7 @@ impl Fold {
         }
         // Entry by entry: the difference of two squared norms would lose half the digits.
         let outside = |(member, value): (&Option<Member>, &f64)| match member {
-            Some(m) => (value - m.factor / self.scales[m.class] * reduced[m.class]).powi(2),
+            Some(m) => (value - m.share * reduced[m.class]).powi(2),
             None => value * value,
         };
         self.members.iter().zip(full).map(outside).sum::<f64>().sqrt()
@@ -167,7 +193,7 @@ impl Fold {
     /// `full` = T `reduced`.
     pub fn expand(&self, reduced: &[f64], full: &mut [f64]) {
         for (member, value) in self.members.iter().zip(full) {
-            *value = member.map_or(0.0, |m| m.factor / self.scales[m.class] * reduced[m.class]);
+            *value = member.map_or(0.0, |m| m.share * reduced[m.class]);
         }
     }
 }
@@ -184,6 +210,9 @@ fn largest(entries: &[f64]) -> f64 {
 /// t with row = t · representative, if there is one.
 fn fit(row: &[f64], representative: &[f64]) -> Option<f64> {
     let square = dot(representative, representative);
+    if row == representative {
+        return (square > 0.0 && square.is_finite()).then_some(1.0);
+    }
     let factor = dot(row, representative) / square;
     let length = norm(row);
     // Cheap first: by Cauchy–Schwarz, proportional rows have |t| = ‖row‖ / ‖representative‖.

@@ -3,6 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr, gemv, gram};
+use crate::skyline;
+use crate::spans::Spans;
 
 /// What a solver works with. A hint: whatever it asks of a [`Problem`], it gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,6 +31,10 @@ pub struct Problem<'a> {
     /// What is wanted.
     pub wanted: Wanted,
     pub(crate) whitened: &'a DMatrix<f64>,
+    /// Of the columns of W.
+    pub(crate) spans: &'a Spans,
+    /// First columns of the rows of A, if its envelope is narrow.
+    pub(crate) envelope: Option<&'a [usize]>,
     pub(crate) softness: Option<&'a [f64]>,
     pub(crate) dense: &'a mut DMatrix<f64>,
     pub(crate) formed: &'a mut bool,
@@ -58,16 +64,20 @@ impl Problem<'_> {
     /// y = A x. Uses A itself if it has been formed.
     pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         if *self.formed {
-            gemv(self.dense.as_slice(), x, y);
+            match self.envelope {
+                Some(first) => skyline::product(first, self.dense.as_slice(), x, y),
+                None => gemv(self.dense.as_slice(), x, y),
+            }
             return;
         }
         let nv = self.work.len();
         self.work.fill(0.0);
-        for (column, &entry) in self.whitened.as_slice().chunks_exact(nv).zip(x) {
-            axpy(entry, column, self.work);
+        let columns = self.whitened.as_slice().chunks_exact(nv).enumerate();
+        for ((index, column), &entry) in columns.clone().zip(x) {
+            axpy(entry, self.spans.cut(index, column), self.spans.cut_mut(index, self.work));
         }
-        for (column, entry) in self.whitened.as_slice().chunks_exact(nv).zip(y.iter_mut()) {
-            *entry = dot(column, self.work);
+        for ((index, column), entry) in columns.zip(y.iter_mut()) {
+            *entry = dot(self.spans.cut(index, column), self.spans.cut(index, self.work));
         }
         if let Some(softness) = self.softness {
             for ((entry, softness), x) in y.iter_mut().zip(softness).zip(x) {
@@ -105,7 +115,10 @@ impl Problem<'_> {
     /// A, `n×n`; formed at the first call of a step.
     pub fn matrix(&mut self) -> &DMatrix<f64> {
         if !*self.formed {
-            gram(self.work.len(), self.whitened.as_slice(), self.dense.as_mut_slice());
+            match self.envelope {
+                Some(first) => self.fill(first),
+                None => gram(self.work.len(), self.whitened.as_slice(), self.dense.as_mut_slice()),
+            }
             if let Some(softness) = self.softness {
                 for (i, value) in softness.iter().enumerate() {
                     self.dense[(i, i)] += value;
@@ -114,6 +127,23 @@ impl Problem<'_> {
             *self.formed = true;
         }
         self.dense
+    }
+
+    /// `WᵀW` within its envelope; the rest of A is zero.
+    fn fill(&mut self, first: &[usize]) {
+        let (n, nv) = (first.len(), self.work.len());
+        let (w, a) = (self.whitened.as_slice(), self.dense.as_mut_slice());
+        for (row, &start) in first.iter().enumerate() {
+            let (begin, end) = self.spans.of(row);
+            for col in start..=row {
+                let (other, until) = self.spans.of(col);
+                let to = end.min(until);
+                let from = begin.max(other).min(to);
+                let entry = dot(&w[row * nv + from..row * nv + to], &w[col * nv + from..col * nv + to]);
+                a[row * n + col] = entry;
+                a[col * n + row] = entry;
+            }
+        }
     }
 
     /// trace(A): a bound of ‖A‖ from above, and n times it from below.

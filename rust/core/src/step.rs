@@ -17,8 +17,8 @@ pub struct FactoredStep<'a> {
     pub regularisation: Option<&'a [f64]>,
 }
 
-/// Gives H Jᵀ of some rows of J, one after another (`nv` each); they are given as numbers, and in place as what J has there.
-pub type Whiten<'a> = dyn FnMut(&[usize], &mut [f64]) + 'a;
+/// Gives H Jᵀ of some rows of J, one after another (`nv` each); the rows are given as numbers and as what J has there.
+pub type Whiten<'a> = dyn FnMut(&[usize], &[f64], &mut [f64]) + 'a;
 
 impl FactoredStep<'_> {
     /// Number of constraint rows n and of velocities nv.
@@ -32,8 +32,14 @@ impl FactoredStep<'_> {
     /// # Errors
     /// As [`StepView::check`].
     pub fn check(&self) -> Result<(), Error> {
+        self.check_beside(false)
+    }
+
+    /// The same, where J may have been found in order already.
+    pub(crate) fn check_beside(&self, jacobian_known: bool) -> Result<(), Error> {
         let (n, nv) = self.shape();
-        check_rows(n, nv, self.jacobian, self.aref, self.regularisation)?;
+        let jacobian = (!jacobian_known).then_some(self.jacobian);
+        check_rows(n, nv, jacobian, self.aref, self.regularisation)?;
         check_finite("unconstrained", self.unconstrained)
     }
 }
@@ -65,8 +71,14 @@ impl StepView<'_> {
     /// # Errors
     /// [`Error::Empty`], [`Error::Shape`], [`Error::NonFinite`], [`Error::NegativeRegularisation`].
     pub fn check(&self) -> Result<(), Error> {
+        self.check_beside(false)
+    }
+
+    /// The same, where J may have been found in order already.
+    pub(crate) fn check_beside(&self, jacobian_known: bool) -> Result<(), Error> {
         let (n, nv) = self.shape();
-        check_rows(n, nv, self.jacobian, self.aref, self.regularisation)?;
+        let jacobian = (!jacobian_known).then_some(self.jacobian);
+        check_rows(n, nv, jacobian, self.aref, self.regularisation)?;
         check_len("mass", self.mass.len(), &[nv, nv])?;
         check_finite("mass", self.mass)?;
         check_finite("force", self.force)
@@ -76,7 +88,7 @@ impl StepView<'_> {
 fn check_rows(
     n: usize,
     nv: usize,
-    jacobian: &[f64],
+    jacobian: Option<&[f64]>,
     aref: &[f64],
     regularisation: Option<&[f64]>,
 ) -> Result<(), Error> {
@@ -86,8 +98,10 @@ fn check_rows(
     if nv == 0 {
         return Err(Error::Empty { what: "force" });
     }
-    check_len("jacobian", jacobian.len(), &[n, nv])?;
-    check_finite("jacobian", jacobian)?;
+    if let Some(jacobian) = jacobian {
+        check_len("jacobian", jacobian.len(), &[n, nv])?;
+        check_finite("jacobian", jacobian)?;
+    }
     check_finite("aref", aref)?;
     if let Some(regularisation) = regularisation {
         check_len("regularisation", regularisation.len(), &[n])?;

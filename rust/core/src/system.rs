@@ -1,16 +1,18 @@
 //! A λ = b of one step: from a [`StepView`] to what a solver sees, and from its multipliers back to accelerations.
 
+mod given;
+
 use std::mem;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::eigen::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
 use crate::error::{Error, LARGEST, check_finite, check_len, check_size};
 use crate::fold::{Fold, scaled_copy};
 use crate::info::Info;
 use crate::kernels::{axpy, dot, norm};
 use crate::problem::{Needs, Problem, Wanted};
 use crate::solver::MultiplierSolver;
+use crate::spans::{Envelope, Spans};
 use crate::step::{FactoredStep, StepView, Whiten};
 
 /// Symmetry asked of a dense A that a caller hands over, relative to its largest entry. `A = J M⁻¹ Jᵀ` formed in
@@ -36,7 +38,15 @@ pub struct ConstrainedSystem {
     /// L; empty where the inertia is somebody else's.
     mass_factor: DMatrix<f64>,
     jacobian_t: DMatrix<f64>,
+    /// Of the rows of J.
+    spans: Spans,
+    /// Rows of J that stand for their class.
+    representatives: Vec<f64>,
     whitened: DMatrix<f64>,
+    /// Of the columns of W.
+    whitened_spans: Spans,
+    /// Of A.
+    envelope: Envelope,
     softness: Option<Vec<f64>>,
     dense: DMatrix<f64>,
     formed: bool,
@@ -146,6 +156,8 @@ impl ConstrainedSystem {
         Problem {
             wanted,
             whitened: &self.whitened,
+            spans: &self.whitened_spans,
+            envelope: self.envelope.narrow(),
             softness: self.softness.as_deref(),
             dense: &mut self.dense,
             formed: &mut self.formed,
@@ -167,28 +179,37 @@ impl ConstrainedSystem {
         };
     }
 
+    fn refit(&mut self) -> bool {
+        match self.nv() {
+            0 => self.fold.refit(self.given.as_slice(), self.given.nrows()),
+            nv => self.fold.refit_within(self.jacobian_t.as_slice(), nv, |row| self.spans.of(row)),
+        }
+    }
+
     /// Fits the fold to the rows of this step, or finds it anew.
     fn refold(&mut self, foldable: bool) {
         let n = self.len();
-        let (rows, width) = match self.nv() {
-            0 => (self.given.as_slice(), n),
-            nv => (self.jacobian_t.as_slice(), nv),
-        };
         self.refolded = false;
         if !foldable {
             self.planned = false;
             if !(self.fold.is_identity() && self.fold.rows() == n) {
                 self.fold = Fold::identity(n);
             }
-        } else if !(self.planned && self.fold.refit(rows, width)) {
+        } else if !(self.planned && self.refit()) {
             self.refolded = self.planned;
             self.refolds += usize::from(self.refolded);
-            self.fold = Fold::find(rows, width);
+            self.fold = match self.nv() {
+                0 => Fold::find(self.given.as_slice(), n),
+                nv => Fold::find(self.jacobian_t.as_slice(), nv),
+            };
             self.planned = true;
         }
         let reduced = self.fold.reduced();
         if self.reduced_rhs.len() != reduced || self.dense.nrows() != reduced {
             self.whitened = DMatrix::zeros(self.nv(), reduced);
+            self.representatives = vec![0.0; self.nv() * reduced];
+            self.whitened_spans = Spans::default();
+            self.envelope = Envelope::default();
             self.dense = DMatrix::zeros(reduced, reduced);
             self.reduced_rhs = DVector::zeros(reduced);
             self.solution = vec![0.0; reduced];
@@ -202,8 +223,9 @@ impl ConstrainedSystem {
     /// Those of [`StepView::check`], which leave the last step in place; [`Error::MassNotPositiveDefinite`], and
     /// [`Error::NonFinite`] or [`Error::TooLarge`] if A or b overflow, which leave the system empty.
     pub fn assemble(&mut self, step: &StepView<'_>) -> Result<(), Error> {
-        step.check()?;
         let (n, nv) = step.shape();
+        let known = self.nv() == nv && self.spans.hold(step.jacobian, n);
+        step.check_beside(known)?;
         self.resize(n, nv);
 
         // A symmetric row-major M is its own column-major form.
@@ -228,12 +250,13 @@ impl ConstrainedSystem {
         };
         self.mass_factor = factor.unpack_dirty();
 
-        self.take_rows(step.jacobian, step.regularisation);
+        self.take_rows(step.jacobian, known, step.regularisation);
         for (class, (representative, scale)) in self.fold.classes().enumerate() {
             let row = &self.jacobian_t.as_slice()[representative * nv..(representative + 1) * nv];
             scaled_copy(row, scale, &mut self.whitened.as_mut_slice()[class * nv..(class + 1) * nv]);
         }
         self.mass_factor.solve_lower_triangular_mut(&mut self.whitened);
+        self.find_envelope();
 
         self.unconstrained.copy_from_slice(step.force);
         self.mass_factor.solve_lower_triangular_mut(&mut self.unconstrained);
@@ -253,19 +276,25 @@ impl ConstrainedSystem {
         step: &FactoredStep<'_>,
         whiten: &mut Whiten<'_>,
     ) -> Result<(), Error> {
-        step.check()?;
         let (n, nv) = step.shape();
+        let known = self.nv() == nv && self.spans.hold(step.jacobian, n);
+        step.check_beside(known)?;
         self.resize(n, nv);
         self.mass_factor = DMatrix::default();
-        self.take_rows(step.jacobian, step.regularisation);
-        for (class, &representative) in self.fold.representatives().iter().enumerate() {
-            let row = &self.jacobian_t.as_slice()[representative * nv..(representative + 1) * nv];
-            self.whitened.as_mut_slice()[class * nv..(class + 1) * nv].copy_from_slice(row);
+        self.take_rows(step.jacobian, known, step.regularisation);
+        let rows = self.jacobian_t.as_slice();
+        if self.fold.is_identity() {
+            whiten(self.fold.representatives(), rows, self.whitened.as_mut_slice());
+        } else {
+            for (copy, &row) in self.representatives.chunks_exact_mut(nv).zip(self.fold.representatives()) {
+                copy.copy_from_slice(&rows[row * nv..(row + 1) * nv]);
+            }
+            whiten(self.fold.representatives(), &self.representatives, self.whitened.as_mut_slice());
         }
-        whiten(self.fold.representatives(), self.whitened.as_mut_slice());
-        for (column, (_, scale)) in self.whitened.as_mut_slice().chunks_exact_mut(nv).zip(self.fold.classes())
-        {
-            for entry in column {
+        self.find_envelope();
+        let columns = self.whitened.as_mut_slice().chunks_exact_mut(nv).zip(self.fold.classes());
+        for (class, (column, (_, scale))) in columns.enumerate() {
+            for entry in self.whitened_spans.cut_mut(class, column) {
                 *entry *= scale;
             }
         }
@@ -274,9 +303,19 @@ impl ConstrainedSystem {
         self.check_overflow()
     }
 
-    /// J, its fold, and R.
-    fn take_rows(&mut self, jacobian: &[f64], regularisation: Option<&[f64]>) {
-        self.jacobian_t.copy_from_slice(jacobian); // row-major J is column-major Jᵀ
+    /// J, its fold, and R. `known`: its spans hold.
+    fn take_rows(&mut self, jacobian: &[f64], known: bool, regularisation: Option<&[f64]>) {
+        let nv = self.nv();
+        let rows = self.jacobian_t.as_mut_slice(); // row-major J is column-major Jᵀ
+        if known && !self.spans.whole() {
+            for (index, (row, given)) in rows.chunks_exact_mut(nv).zip(jacobian.chunks_exact(nv)).enumerate()
+            {
+                self.spans.cut_mut(index, row).copy_from_slice(self.spans.cut(index, given));
+            }
+        } else {
+            rows.copy_from_slice(jacobian);
+        }
+        self.spans.update(rows, nv, known);
         self.refold(regularisation.is_none());
         match (regularisation, &mut self.softness) {
             (None, softness) => *softness = None,
@@ -285,10 +324,25 @@ impl ConstrainedSystem {
         }
     }
 
+    /// Where the entries of W, and so those of A, lie.
+    fn find_envelope(&mut self) {
+        let (nv, reduced) = (self.nv(), self.fold.reduced());
+        let columns = self.whitened.as_slice();
+        let known = self.whitened_spans.hold(columns, reduced);
+        if self.whitened_spans.update(columns, nv, known) {
+            self.envelope.find(&self.whitened_spans, reduced);
+            // Only the envelope is written to from now on.
+            self.dense.fill(0.0);
+        }
+    }
+
     /// b = aref − J a₀.
     fn ask(&mut self, aref: &[f64]) {
-        self.rhs.copy_from_slice(aref);
-        self.rhs.gemv_tr(-1.0, &self.jacobian_t, &self.unconstrained, 1.0);
+        let (nv, start) = (self.nv(), self.unconstrained.as_slice());
+        let rows = self.jacobian_t.as_slice().chunks_exact(nv);
+        for (index, ((entry, aref), row)) in self.rhs.iter_mut().zip(aref).zip(rows).enumerate() {
+            *entry = aref - dot(self.spans.cut(index, row), self.spans.cut(index, start));
+        }
         self.outside = self.fold.reduce(self.rhs.as_slice(), self.reduced_rhs.as_mut_slice());
     }
 
@@ -296,7 +350,7 @@ impl ConstrainedSystem {
     fn check_overflow(&mut self) -> Result<(), Error> {
         let (n, nv) = (self.reduced_rhs.len(), self.nv());
         let overflow = (0..n).find_map(|i| {
-            let column = &self.whitened.as_slice()[i * nv..(i + 1) * nv];
+            let column = self.whitened_spans.cut(i, &self.whitened.as_slice()[i * nv..(i + 1) * nv]);
             let entry = dot(column, column) + self.softness.as_ref().map_or(0.0, |softness| softness[i]);
             (!entry.is_finite() || entry > LARGEST).then_some((i * n + i, entry))
         });
@@ -306,100 +360,6 @@ impl ConstrainedSystem {
             None => check_size("b", self.rhs.as_slice()),
         };
         checked.inspect_err(|_| *self = Self::default())
-    }
-
-    /// Takes A (`n×n`, row-major, symmetric) and b (`n`) as they are; there is no way back to accelerations then.
-    ///
-    /// # Errors
-    /// [`Error::Empty`], [`Error::Shape`], [`Error::NonFinite`], [`Error::TooLarge`], [`Error::NotSymmetric`],
-    /// [`Error::NotPositiveSemidefinite`]; all of them leave the last system in place.
-    pub fn set_dense(&mut self, matrix: &[f64], rhs: &[f64]) -> Result<(), Error> {
-        let n = rhs.len();
-        if n == 0 {
-            return Err(Error::Empty { what: "b" });
-        }
-        check_len("A", matrix.len(), &[n, n])?;
-        check_size("A", matrix)?;
-        check_size("b", rhs)?;
-        let largest = matrix.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
-        let (mut worst, mut gap) = ((0, 0), 0.0);
-        for row in 0..n {
-            for col in 0..row {
-                let next = (matrix[row * n + col] - matrix[col * n + row]).abs();
-                if next > gap {
-                    (worst, gap) = ((row, col), next);
-                }
-            }
-        }
-        if gap > SYMMETRY_TOLERANCE * largest {
-            let (row, col) = worst;
-            return Err(Error::NotSymmetric { row, col, gap, tolerance: SYMMETRY_TOLERANCE });
-        }
-        let mean = |row: usize, col: usize| 0.5 * matrix[row * n + col] + 0.5 * matrix[col * n + row];
-        self.check_semidefinite(n, largest, mean)?;
-        let shifted = mem::take(&mut self.shifted);
-        self.resize(n, 0);
-        self.shifted = shifted;
-        if self.given.nrows() != n {
-            self.given = DMatrix::zeros(n, n);
-        }
-        for row in 0..n {
-            for col in 0..n {
-                self.given[(row, col)] = mean(row, col);
-            }
-        }
-        self.rhs.copy_from_slice(rhs);
-        self.refold(true);
-        // Tᵀ A T, not the representatives' entries: those of a small row are rounding next to its large ones.
-        self.dense.fill(0.0);
-        for (col, share) in self.fold.shares().enumerate() {
-            let Some((col_class, col_entry)) = share else { continue };
-            for (row, share) in self.fold.shares().enumerate() {
-                let Some((row_class, row_entry)) = share else { continue };
-                self.dense[(row_class, col_class)] += row_entry * col_entry * self.given[(row, col)];
-            }
-        }
-        self.formed = true;
-        self.outside = self.fold.reduce(self.rhs.as_slice(), self.reduced_rhs.as_mut_slice());
-        Ok(())
-    }
-
-    /// Refuses an A (`n×n`) by [`SEMIDEFINITE_TOLERANCE`]. No solver but those that decompose A would notice.
-    fn check_semidefinite(
-        &mut self,
-        n: usize,
-        largest: f64,
-        entry: impl Fn(usize, usize) -> f64,
-    ) -> Result<(), Error> {
-        if largest == 0.0 {
-            return Ok(());
-        }
-        // Quick: no eigenvalue lies below −tolerance if A / largest + tolerance · E has a Cholesky factor.
-        let mut shifted = mem::take(&mut self.shifted);
-        if shifted.nrows() != n {
-            shifted = DMatrix::zeros(n, n);
-        }
-        let fill = |matrix: &mut DMatrix<f64>, shift: f64| {
-            for col in 0..n {
-                for row in 0..n {
-                    matrix[(row, col)] = entry(row, col) / largest;
-                }
-                matrix[(col, col)] += shift;
-            }
-        };
-        fill(&mut shifted, SEMIDEFINITE_TOLERANCE);
-        if let Some(factor) = Cholesky::new(shifted) {
-            self.shifted = factor.unpack_dirty();
-            return Ok(());
-        }
-        let mut scaled = DMatrix::zeros(n, n);
-        fill(&mut scaled, 0.0);
-        SymmetricEigen::new(n).decompose(&scaled, 0.0).map_err(|error| match error {
-            Error::NotPositiveSemidefinite { smallest, largest: most } => {
-                Error::NotPositiveSemidefinite { smallest: smallest * largest, largest: most * largest }
-            }
-            other => other,
-        })
     }
 
     /// Solves A λ = b with `solver`, into `multipliers` (`n`).
@@ -458,8 +418,10 @@ impl ConstrainedSystem {
         qfrc: &mut [f64],
         qacc: &mut [f64],
     ) -> Result<(), Error> {
+        check_len("multipliers", multipliers.len(), &[self.len()])?;
+        check_len("qfrc", qfrc.len(), &[self.nv()])?;
         check_len("qacc", qacc.len(), &[self.nv()])?;
-        if self.mass_factor.is_empty() {
+        if self.mass_factor.is_empty() && self.nv() > 0 {
             return Err(Error::Factored);
         }
         self.force(multipliers, qfrc)?;
@@ -477,11 +439,11 @@ impl ConstrainedSystem {
     pub fn force(&mut self, multipliers: &[f64], qfrc: &mut [f64]) -> Result<(), Error> {
         check_len("multipliers", multipliers.len(), &[self.len()])?;
         check_len("qfrc", qfrc.len(), &[self.nv()])?;
-        self.work.fill(0.0);
-        for (column, &multiplier) in
-            self.jacobian_t.as_slice().chunks_exact(qfrc.len().max(1)).zip(multipliers)
-        {
-            axpy(multiplier, column, self.work.as_mut_slice());
+        let work = self.work.as_mut_slice();
+        work.fill(0.0);
+        let rows = self.jacobian_t.as_slice().chunks_exact(qfrc.len().max(1));
+        for (index, (row, &multiplier)) in rows.zip(multipliers).enumerate() {
+            axpy(multiplier, self.spans.cut(index, row), self.spans.cut_mut(index, work));
         }
         qfrc.copy_from_slice(self.work.as_slice());
         check_finite("qfrc", qfrc)

@@ -549,6 +549,10 @@ pub fn free_solved(
 }
 
 impl Experiment for FreeSolved {
+    fn unrecorded(&mut self) {
+        self.walker.force.answer.timed = false;
+    }
+
     fn look(&mut self) -> Result<(), Error> {
         self.walker.force.tally = Tally::default();
         self.walker.look()

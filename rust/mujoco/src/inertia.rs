@@ -9,7 +9,6 @@ use crate::library::Data;
 #[derive(Debug, Clone)]
 pub struct Inertia {
     roots: Vec<f64>,
-    rows: Vec<f64>,
     change: Vec<f64>,
 }
 
@@ -17,7 +16,7 @@ impl Inertia {
     /// For states of nv velocities.
     #[must_use]
     pub fn new(nv: usize) -> Self {
-        Self { roots: vec![0.0; nv], rows: Vec::new(), change: vec![0.0; nv] }
+        Self { roots: vec![0.0; nv], change: vec![0.0; nv] }
     }
 
     /// Assembles a system of the data's rows; its position stage must be valid.
@@ -33,13 +32,8 @@ impl Inertia {
         for (root, inverse) in self.roots.iter_mut().zip(data.inverse_diagonal()) {
             *root = inverse.sqrt();
         }
-        let (rows, roots) = (&mut self.rows, &self.roots);
-        let mut said = Ok(());
-        system.assemble_factored(step, &mut |_, whitened| {
-            rows.clear();
-            rows.extend_from_slice(whitened);
-            said = data.whiten(whitened, rows, roots);
-        })?;
+        let (roots, mut said) = (&self.roots, Ok(()));
+        system.assemble_factored(step, &mut |_, rows, whitened| said = data.whiten(whitened, rows, roots))?;
         said
     }
 

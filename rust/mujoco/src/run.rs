@@ -161,6 +161,8 @@ impl Notes {
 
 /// One walk and whoever answers along it.
 pub(crate) trait Experiment: Send + Sync {
+    /// Nothing will be recorded any more: figures that are for records only need not be taken.
+    fn unrecorded(&mut self) {}
     /// Computes what belongs to the present state.
     fn look(&mut self) -> Result<(), Error>;
     /// Writes the rows of a step, as far as they are known before it is taken.
@@ -247,6 +249,7 @@ impl Run {
     /// # Errors
     /// What ended it.
     pub fn walk(&mut self) -> Result<(), Error> {
+        self.experiment.unrecorded();
         while self.done < self.steps {
             self.experiment.look()?;
             self.experiment.step()?;

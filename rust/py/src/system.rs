@@ -75,7 +75,7 @@ impl ConstrainedSystem {
             },
         };
         let inner = &mut self.inner;
-        let mut whiten = |rows: &[usize], whitened: &mut [f64]| {
+        let mut whiten = |rows: &[usize], _: &[f64], whitened: &mut [f64]| {
             for (&row, out) in rows.iter().zip(whitened.chunks_exact_mut(nv)) {
                 out.copy_from_slice(&given[row * nv..(row + 1) * nv]);
             }
