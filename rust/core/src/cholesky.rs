@@ -16,10 +16,10 @@
 //! r² d + d² n, and its error grows with the condition of A rather than with that of L₁, its square root. At full rank the
 //! two triangular solves are all there is; where only accelerations are wanted the last projection is left out.
 //!
-//! Where A has a narrow envelope, as with chains of loops, and is clearly of full rank, its factor is that of [`skyline`],
-//! without pivots. Of the rest, sizes up to 8 run on code compiled for their size (as L D Lᵀ, without square roots), those from 24 on on faer's blocked
-//! kernels. faer's own rank cut is at rounding; with complete pivoting the pivots fall, so that ours is a shorter prefix of
-//! the same factor.
+//! Where A has a narrow envelope, as with chains of loops, and is clearly of full rank, its factor is that of `skyline`,
+//! without pivots. Of the rest, sizes up to 8 run on code compiled for their size (as L D Lᵀ, without square roots), those
+//! from 24 on on faer's blocked kernels. faer's own rank cut is at rounding; with complete pivoting the pivots fall, so that
+//! ours is a shorter prefix of the same factor.
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::{llt, llt_pivoting};

@@ -1,4 +1,40 @@
-//! The step loops of oarlock over MuJoCo's own library.
+//! The native path: oarlock's experiments as step loops over MuJoCo's own library, bit for bit as the Python path.
+//!
+//! # The parts, in the order that data flows
+//!
+//! | module | noun |
+//! |---|---|
+//! | [`library`] | the C library that `import mujoco` loaded, as safe types: [`Model`](library::Model), [`Data`](library::Data); all unsafe code |
+//! | [`drive`] | controls as laws of time |
+//! | [`kinematics`], [`tendon`], [`curvature`] | J̇v of every kind of equality |
+//! | [`inertia`] | rows of J through MuJoCo's sparse factor of M, and the way back to accelerations |
+//! | [`state`] | what one state says, and the question that it puts to a solver of `oarlock-core` |
+//! | [`force`] | force laws: a solver's answer, or MuJoCo's own force |
+//! | [`projection`] | positions and velocities back onto the constraints |
+//! | [`walker`] | MuJoCo's integrators fed with a force law |
+//! | [`experiments`] | calibration, lockstep, one-step, free run |
+//! | [`run`], [`steps`] | a run on its way, and its table; many runs at once on all cores |
+//! | [`vectors`] | sums in a written order |
+//! | [`error`] | what ends a run |
+//!
+//! # Where the time goes
+//!
+//! A step of a free run on exact constraints (`auto`, Euler, nothing recorded; perf on one machine, `oarlock bench` measures
+//! the times anew). `mj_step` of the same models takes 3.25 and 12.3 µs.
+//!
+//! | share of a step | boat, 3.2 µs | ten four-bars with two connects each, 12.3 µs |
+//! |---|---|---|
+//! | MuJoCo's smooth stages and integrator | 52 % | 57 % |
+//! | its timers, which its Python bindings switch on | 22 % | 6 % |
+//! | J̇v | 5 % | 11 % |
+//! | rows: checks, folding, b, Jᵀλ | 7 % | 14 % |
+//! | H Jᵀ and M⁻¹ Jᵀλ by MuJoCo's factor | 3 % | 3 % |
+//! | A and its factor | 8 % | 8 % |
+//! | the drive, copies, the loop | 4 % | 1 % |
+//!
+//! So the floor, a step without any constraint solver, is 0.71 and 0.62 of `mj_step`. What is ours is bound by passes over J
+//! rather than by arithmetic: 60 rows of 21 entries are 10 kB, read for the check, the fold, b and Jᵀλ, while A of 20 folded
+//! rows takes 3 000 multiplications within its envelope and its factor as many.
 
 pub mod curvature;
 pub mod drive;

@@ -1,0 +1,199 @@
+//! Everyone walks alone.
+
+use std::mem;
+
+use oarlock_core::Status;
+
+use super::Solver;
+use super::common::{Companion, MujocoWalker, projecting};
+use crate::error::Error;
+use crate::force::{Answer, SolvedForce, Tally};
+use crate::library::Data;
+use crate::projection::Projector;
+use crate::run::{Experiment, Notes, Run, Setup, Snapshot};
+use crate::state::{Form, State};
+use crate::steps::Steps;
+use crate::vectors::relative_difference;
+use crate::walker::ForcedWalker;
+
+struct FreeMujoco {
+    walker: MujocoWalker,
+    state: State,
+    notes: Notes,
+    steps: Steps,
+}
+
+/// MuJoCo walks alone.
+///
+/// # Errors
+/// Those of [`State::new`].
+pub fn free_mujoco(setup: &Setup, steps: usize) -> Result<Run, Error> {
+    let experiment = FreeMujoco {
+        walker: MujocoWalker::new(setup)?,
+        state: setup.state()?,
+        notes: Notes::new(setup),
+        steps: Steps::default(),
+    };
+    Ok(Run::new(experiment, steps))
+}
+
+impl Experiment for FreeMujoco {
+    fn look(&mut self) -> Result<(), Error> {
+        self.walker.look()
+    }
+
+    fn record(&mut self, step: usize) -> Result<(), Error> {
+        let (data, steps) = (&mut self.walker.data, &mut self.steps);
+        self.state.read(data)?;
+        self.notes.state(steps, step, data, &self.state, data.qacc());
+        let iterations = data.solver_iterations();
+        steps.status.push(Status::Converged.name());
+        steps.solves.push(1);
+        steps.unconverged.push(0);
+        steps.iterations.push(iterations);
+        steps.iterations_worst.push(iterations);
+        self.notes.free(steps, step, data)
+    }
+
+    fn step(&mut self) -> Result<(), Error> {
+        self.walker.step()
+    }
+
+    fn finish(&mut self, step_us: f64) -> Result<(), Error> {
+        self.steps.step_us.push(step_us);
+        Ok(())
+    }
+
+    fn data(&self) -> &Data {
+        &self.walker.data
+    }
+
+    fn tables(&mut self) -> Vec<&mut Steps> {
+        vec![&mut self.steps]
+    }
+
+    fn snapshots(&mut self) -> Vec<Snapshot> {
+        self.notes.take_snapshots()
+    }
+}
+
+struct Bare {
+    walker: MujocoWalker,
+}
+
+/// `mj_step` alone, and nothing written down: what a comparison is measured against.
+///
+/// # Errors
+/// Those of [`Setup::data`].
+pub fn bare(setup: &Setup, steps: usize) -> Result<Run, Error> {
+    Ok(Run::new(Bare { walker: MujocoWalker::new(setup)? }, steps))
+}
+
+impl Experiment for Bare {
+    fn look(&mut self) -> Result<(), Error> {
+        self.walker.drive.apply(&mut self.walker.data)
+    }
+
+    fn record(&mut self, _step: usize) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn step(&mut self) -> Result<(), Error> {
+        self.walker.controlled(Data::step)
+    }
+
+    fn finish(&mut self, _step_us: f64) -> Result<(), Error> {
+        Ok(())
+    }
+
+    fn data(&self) -> &Data {
+        &self.walker.data
+    }
+
+    fn tables(&mut self) -> Vec<&mut Steps> {
+        Vec::new()
+    }
+
+    fn snapshots(&mut self) -> Vec<Snapshot> {
+        Vec::new()
+    }
+}
+
+struct FreeSolved {
+    walker: ForcedWalker<SolvedForce>,
+    theirs: Companion,
+    reference: Solver,
+    truth: Answer,
+    notes: Notes,
+    steps: Steps,
+}
+
+/// A solver walks alone in a form, against MuJoCo as configured.
+///
+/// # Errors
+/// Those of [`ForcedWalker::new`] and [`State::new`].
+pub fn free_solved(
+    setup: &Setup,
+    form: Form,
+    solver: Solver,
+    projector: Option<Projector>,
+    reference: Solver,
+    steps: usize,
+) -> Result<Run, Error> {
+    let nv = setup.model.nv();
+    let force = SolvedForce::new(setup.state()?, form, solver, nv);
+    let experiment = FreeSolved {
+        walker: ForcedWalker::new(setup.data()?, setup.drive.clone(), force, projector)?,
+        theirs: Companion::new(setup)?,
+        reference,
+        truth: Answer::new(nv),
+        notes: Notes::new(setup),
+        steps: Steps::default(),
+    };
+    Ok(Run::new(experiment, steps))
+}
+
+impl Experiment for FreeSolved {
+    fn unrecorded(&mut self) {
+        self.walker.force.answer.timed = false;
+    }
+
+    fn look(&mut self) -> Result<(), Error> {
+        self.walker.force.tally = Tally::default();
+        self.walker.look()
+    }
+
+    fn record(&mut self, step: usize) -> Result<(), Error> {
+        let Self { walker, theirs, reference, truth, notes, steps } = self;
+        let (data, force) = (&mut walker.data, &mut walker.force);
+        notes.state(steps, step, data, &force.state, data.qacc());
+        theirs.compare(steps, data.qpos())?;
+        notes.free(steps, step, data)?;
+        truth.fill(data, &mut force.state, &mut force.system, &mut **reference)?;
+        steps.min_norm_error.push(relative_difference(&force.answer.multipliers, &truth.multipliers));
+        Ok(())
+    }
+
+    fn step(&mut self) -> Result<(), Error> {
+        self.walker.step()
+    }
+
+    fn finish(&mut self, step_us: f64) -> Result<(), Error> {
+        mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.truth.info);
+        projecting(&mut self.steps, self.walker.projector.as_ref());
+        self.steps.step_us.push(step_us);
+        Ok(())
+    }
+
+    fn data(&self) -> &Data {
+        &self.walker.data
+    }
+
+    fn tables(&mut self) -> Vec<&mut Steps> {
+        vec![&mut self.steps]
+    }
+
+    fn snapshots(&mut self) -> Vec<Snapshot> {
+        self.notes.take_snapshots()
+    }
+}

@@ -1,0 +1,438 @@
+//! A state of a model.
+
+use std::ffi::{c_int, c_void};
+use std::ptr::{self, NonNull};
+use std::slice;
+use std::sync::Arc;
+
+use super::ffi::{
+    DataView, RowsView, oarlock_delete_data, oarlock_jacobian_times, oarlock_make_data, oarlock_run,
+    oarlock_solve_mass, oarlock_view_data, oarlock_view_rows, oarlock_whiten,
+};
+use super::model::{Integrator, Model};
+use super::{array, arrays, size, trapped};
+use crate::error::Error;
+
+/// Calls that take nothing but the model and its data; numbers as in shim.h.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+enum Stage {
+    Forward,
+    Position,
+    Smooth,
+    Constraint,
+    RungeKutta,
+    Euler,
+    Implicit,
+    Energy,
+    Step,
+}
+
+/// A state of a model, with everything that MuJoCo computes from it.
+pub struct Data {
+    model: Arc<Model>,
+    raw: NonNull<c_void>,
+    view: DataView,
+    rows: RowsView,
+}
+
+// SAFETY: it is nobody else's, and MuJoCo keeps nothing about it in the thread.
+unsafe impl Send for Data {}
+// SAFETY: whatever takes it shared only reads, in MuJoCo too: such functions take mjData const, and do not use its stack.
+unsafe impl Sync for Data {}
+
+impl Drop for Data {
+    fn drop(&mut self) {
+        // SAFETY: it was made by mj_makeData and is nobody else's.
+        unsafe { oarlock_delete_data(self.raw.as_ptr()) }
+    }
+}
+
+arrays! { Data,
+    /// Positions, nq.
+    qpos: f64 = |d| d.model.nq();
+    /// Velocities, nv.
+    qvel: f64 = |d| d.model.nv();
+    /// Actuator activations, na.
+    act: f64 = |d| d.model.na();
+    /// Accelerations, nv.
+    qacc: f64 = |d| d.model.nv();
+    /// Jᵀ λ, nv.
+    qfrc_constraint: f64 = |d| d.model.nv();
+    /// All forces but those of constraints, nv.
+    qfrc_smooth: f64 = |d| d.model.nv();
+    /// 1/D of M's factor, nv.
+    inverse_diagonal: f64 = |d| d.model.nv();
+    /// Accelerations without constraints, nv.
+    qacc_smooth: f64 = |d| d.model.nv();
+    /// Places of bodies, nbody×3, m.
+    xpos: f64 = |d| 3 * size(d.model.view.nbody);
+    /// Their orientations, nbody×4.
+    xquat: f64 = |d| 4 * size(d.model.view.nbody);
+    /// The same as matrices, nbody×9, row-major.
+    xmat: f64 = |d| 9 * size(d.model.view.nbody);
+    /// Angular velocities of bodies and linear ones at their tree's centre of mass, nbody×6.
+    cvel: f64 = |d| 6 * size(d.model.view.nbody);
+    /// Rates of the joint axes as spatial vectors at their tree's centre of mass, nv×6.
+    cdof_dot: f64 = |d| 6 * d.model.nv();
+    /// Centres of mass of subtrees, nbody×3, m.
+    subtree_com: f64 = |d| 3 * size(d.model.view.nbody);
+    /// Places of geoms, ngeom×3, m.
+    geom_xpos: f64 = |d| 3 * size(d.model.view.ngeom);
+    /// Their orientations, ngeom×9, row-major.
+    geom_xmat: f64 = |d| 9 * size(d.model.view.ngeom);
+    /// Places of sites, nsite×3, m.
+    site_xpos: f64 = |d| 3 * size(d.model.view.nsite);
+    /// Lengths of tendons, ntendon, m.
+    ten_length: f64 = |d| size(d.model.view.ntendon);
+    /// Their rates, ntendon, m/s.
+    ten_velocity: f64 = |d| size(d.model.view.ntendon);
+    /// Points of all paths, nwrap×6, m.
+    wrap_xpos: f64 = |d| 6 * size(d.model.view.nwrap);
+    /// First point of each tendon's path, ntendon.
+    ten_wrapadr: c_int = |d| size(d.model.view.ntendon);
+    /// Number of its points, ntendon.
+    ten_wrapnum: c_int = |d| size(d.model.view.ntendon);
+    /// Geom of each point, −1 on a site, −2 at a pulley, nwrap×2.
+    wrap_obj: c_int = |d| 2 * size(d.model.view.nwrap);
+}
+
+impl Data {
+    /// A data at the model's own pose.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`]: there is no memory for it.
+    pub fn new(model: &Arc<Model>) -> Result<Self, Error> {
+        let mut raw = ptr::null_mut();
+        // SAFETY: the model is valid; `raw` is valid for the call.
+        trapped(|message| unsafe { oarlock_make_data(model.raw.as_ptr(), &raw mut raw, message) })?;
+        let raw = NonNull::new(raw).ok_or_else(|| Error::Mujoco("no memory for mjData".to_owned()))?;
+        let mut view = std::mem::MaybeUninit::uninit();
+        // SAFETY: the shim fills the whole struct from a data that was just made.
+        let view = unsafe {
+            oarlock_view_data(raw.as_ptr(), view.as_mut_ptr());
+            view.assume_init()
+        };
+        Ok(Self { model: Arc::clone(model), raw, view, rows: rows_of(raw) })
+    }
+
+    /// Its model.
+    #[must_use]
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// Makes a call, after which the rows may lie elsewhere, also when it failed.
+    fn run(&mut self, stage: Stage) -> Result<(), Error> {
+        let (model, data) = (self.model.raw.as_ptr(), self.raw.as_ptr());
+        // SAFETY: both are valid and belong together; `&mut self` is exclusive.
+        let done = trapped(|message| unsafe { oarlock_run(stage as c_int, model, data, message) });
+        self.rows = rows_of(self.raw);
+        done
+    }
+
+    /// `mj_forward`.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`], here and in the other stages.
+    pub fn forward(&mut self) -> Result<(), Error> {
+        self.run(Stage::Forward)
+    }
+
+    /// The position stage.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn position_stage(&mut self) -> Result<(), Error> {
+        self.run(Stage::Position)
+    }
+
+    /// Position, velocity, actuation and acceleration stages: all but the constraint solver. Controls must be written.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn smooth_stages(&mut self) -> Result<(), Error> {
+        self.run(Stage::Smooth)
+    }
+
+    /// MuJoCo's constraint solver, after the smooth stages.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn constraint_stage(&mut self) -> Result<(), Error> {
+        self.run(Stage::Constraint)
+    }
+
+    /// The second half of `mj_step` by the model's own integrator.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn integrate(&mut self) -> Result<(), Error> {
+        self.run(match self.model.integrator() {
+            Integrator::Euler => Stage::Euler,
+            Integrator::RungeKutta => Stage::RungeKutta,
+            Integrator::Implicit => Stage::Implicit,
+        })
+    }
+
+    /// `mj_step`.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn step(&mut self) -> Result<(), Error> {
+        self.run(Stage::Step)
+    }
+
+    /// Potential and kinetic energy, J, at a state whose position and velocity stages are done.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn energy(&mut self) -> Result<[f64; 2], Error> {
+        self.run(Stage::Energy)?;
+        // SAFETY: two numbers of the struct itself.
+        Ok(unsafe { [*self.view.energy, *self.view.energy.add(1)] })
+    }
+
+    /// `whitened` = H `vectors`, several of nv one after another, where M⁻¹ = Hᵀ H; `roots` (nv) are the square roots of
+    /// [`inverse_diagonal`](Self::inverse_diagonal). The position stage must be valid.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    ///
+    /// # Panics
+    /// If the slices are not of these lengths.
+    pub fn whiten(&mut self, whitened: &mut [f64], vectors: &[f64], roots: &[f64]) -> Result<(), Error> {
+        let nv = self.model.nv();
+        let count = vectors.len() / nv;
+        assert_eq!((whitened.len(), vectors.len(), roots.len()), (count * nv, count * nv, nv));
+        let count = c_int::try_from(count).expect("no model has as many rows");
+        // SAFETY: the lengths are right; MuJoCo uses the data's stack, which `&mut self` makes exclusive.
+        trapped(|message| unsafe {
+            oarlock_whiten(
+                self.model.raw.as_ptr(),
+                self.raw.as_ptr(),
+                count,
+                whitened.as_mut_ptr(),
+                vectors.as_ptr(),
+                roots.as_ptr(),
+                message,
+            )
+        })
+    }
+
+    /// `x` = M⁻¹ `y`, both nv.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    ///
+    /// # Panics
+    /// If the slices are not of this length.
+    pub fn solve_mass(&mut self, x: &mut [f64], y: &[f64]) -> Result<(), Error> {
+        assert_eq!((x.len(), y.len()), (self.model.nv(), self.model.nv()));
+        // SAFETY: the lengths are right; MuJoCo uses the data's stack, which `&mut self` makes exclusive.
+        trapped(|message| unsafe {
+            oarlock_solve_mass(
+                self.model.raw.as_ptr(),
+                self.raw.as_ptr(),
+                x.as_mut_ptr(),
+                y.as_ptr(),
+                message,
+            )
+        })
+    }
+
+    /// `product` (nefc) = J `x` (nv).
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    ///
+    /// # Panics
+    /// If the slices are not of these lengths.
+    pub fn jacobian_times(&mut self, x: &[f64], product: &mut [f64]) -> Result<(), Error> {
+        assert_eq!((x.len(), product.len()), (self.model.nv(), self.nefc()));
+        // SAFETY: lengths are right.
+        trapped(|message| unsafe {
+            oarlock_jacobian_times(
+                self.model.raw.as_ptr(),
+                self.raw.as_ptr(),
+                0,
+                x.as_ptr(),
+                product.as_mut_ptr(),
+                message,
+            )
+        })
+    }
+
+    /// `product` (nv) = Jᵀ `x` (nefc).
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    ///
+    /// # Panics
+    /// If the slices are not of these lengths.
+    pub fn jacobian_transposed_times(&mut self, x: &[f64], product: &mut [f64]) -> Result<(), Error> {
+        assert_eq!((product.len(), x.len()), (self.model.nv(), self.nefc()));
+        // MuJoCo leaves the product as it was where there are no rows.
+        product.fill(0.0);
+        // SAFETY: lengths are right.
+        trapped(|message| unsafe {
+            oarlock_jacobian_times(
+                self.model.raw.as_ptr(),
+                self.raw.as_ptr(),
+                1,
+                x.as_ptr(),
+                product.as_mut_ptr(),
+                message,
+            )
+        })
+    }
+
+    /// Time, s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        // SAFETY: a number of the struct itself.
+        unsafe { *self.view.time }
+    }
+
+    /// Sets the time, s.
+    pub fn set_time(&mut self, time: f64) {
+        // SAFETY: a number of the struct itself; `&mut self` is exclusive.
+        unsafe { *self.view.time = time }
+    }
+
+    /// Solver iterations of the last constraint stage, over all islands.
+    #[must_use]
+    pub fn solver_iterations(&self) -> i64 {
+        let islands = size(self.rows.nisland).clamp(1, 20);
+        // SAFETY: an array of mjNISLAND = 20 in the struct itself.
+        unsafe { array(self.view.solver_niter, islands) }.iter().map(|&count| i64::from(count)).sum()
+    }
+
+    /// Number of equality rows.
+    #[must_use]
+    pub fn ne(&self) -> usize {
+        size(self.rows.ne)
+    }
+
+    /// Number of all constraint rows.
+    #[must_use]
+    pub fn nefc(&self) -> usize {
+        size(self.rows.nefc)
+    }
+
+    /// Copies J of the equality rows into `jacobian`, ne×nv, row-major.
+    ///
+    /// # Panics
+    /// If `jacobian` is not of this length.
+    pub fn copy_jacobian(&self, jacobian: &mut [f64]) {
+        let (ne, nv) = (self.ne(), self.model.nv());
+        assert_eq!(jacobian.len(), ne * nv);
+        let entries = size(self.rows.njacobian);
+        // SAFETY: nJ is the number of entries of the array, dense or not, after constraints were made.
+        let given =
+            unsafe { array(self.rows.jacobian, if self.model.is_sparse() { entries } else { ne * nv }) };
+        if !self.model.is_sparse() {
+            jacobian.copy_from_slice(given);
+            return;
+        }
+        // SAFETY: rows of nefc, columns of nJ.
+        let (counts, starts, columns) = unsafe {
+            (array(self.rows.rownnz, ne), array(self.rows.rowadr, ne), array(self.rows.colind, entries))
+        };
+        jacobian.fill(0.0);
+        for (row, (&count, &start)) in jacobian.chunks_exact_mut(nv).zip(counts.iter().zip(starts)) {
+            let range = size(start.into())..size(start.into()) + size(count.into());
+            for (&column, &value) in columns[range.clone()].iter().zip(&given[range]) {
+                row[size(column.into())] = value;
+            }
+        }
+    }
+}
+
+macro_rules! rows {
+    ($($(#[$doc:meta])* $name:ident: $kind:ty;)*) => {
+        impl Data {
+            $($(#[$doc])*
+            #[must_use]
+            pub fn $name(&self) -> &[$kind] {
+                // SAFETY: as for the other arrays, with `rows` taken after the last call that can move them.
+                unsafe { array(self.rows.$name, self.ne()) }
+            })*
+        }
+    };
+}
+
+rows! {
+    /// Equality of each row, ne.
+    id: c_int;
+    /// Deviations r, ne, m or rad.
+    pos: f64;
+    /// Rates J v, ne.
+    vel: f64;
+    /// Accelerations that MuJoCo asks of the rows, ne.
+    aref: f64;
+    /// R, ne.
+    softness: f64;
+}
+
+impl Data {
+    /// MuJoCo's multipliers, nefc.
+    #[must_use]
+    pub fn force(&self) -> &[f64] {
+        // SAFETY: as for the other rows.
+        unsafe { array(self.rows.force, self.nefc()) }
+    }
+}
+
+macro_rules! writable {
+    ($($(#[$doc:meta])* $name:ident: $field:ident, $count:expr;)*) => {
+        impl Data {
+            $($(#[$doc])*
+            pub fn $name(&mut self) -> &mut [f64] {
+                let count: fn(&Self) -> usize = $count;
+                let count = count(self);
+                if count == 0 {
+                    return &mut [];
+                }
+                // SAFETY: MuJoCo's arrays have the sizes it documents; `&mut self` is exclusive.
+                unsafe { slice::from_raw_parts_mut(self.view.$field, count) }
+            })*
+        }
+    };
+}
+
+writable! {
+    /// Positions, nq.
+    qpos_mut: qpos, |d| d.model.nq();
+    /// Velocities, nv.
+    qvel_mut: qvel, |d| d.model.nv();
+    /// Actuator activations, na.
+    act_mut: act, |d| d.model.na();
+    /// Controls, nu.
+    ctrl_mut: ctrl, |d| d.model.nu();
+    /// Accelerations, nv.
+    qacc_mut: qacc, |d| d.model.nv();
+    /// Jᵀ λ, nv.
+    qfrc_constraint_mut: qfrc_constraint, |d| d.model.nv();
+}
+
+impl Data {
+    /// Multipliers of all rows, nefc.
+    pub fn force_mut(&mut self) -> &mut [f64] {
+        let count = self.nefc();
+        if count == 0 || self.rows.force.is_null() {
+            return &mut [];
+        }
+        // SAFETY: as for the other rows; `&mut self` is exclusive.
+        unsafe { slice::from_raw_parts_mut(self.rows.force, count) }
+    }
+}
+
+fn rows_of(data: NonNull<c_void>) -> RowsView {
+    let mut view = std::mem::MaybeUninit::uninit();
+    // SAFETY: the data is valid, and the shim fills the whole struct.
+    unsafe {
+        oarlock_view_rows(data.as_ptr(), view.as_mut_ptr());
+        view.assume_init()
+    }
+}
