@@ -14,6 +14,7 @@ from mechanisms import TANGLE, case_of, four_bar, write_model
 from oarlock import InputError, _core, native_path, run
 from oarlock.cases import Case, load_case, model_names, variant_names
 from oarlock.experiments import Laboratory, Stepping, Task
+from oarlock.mechanism import collected_warnings
 from oarlock.solvers import SolverSpec
 from oarlock.start import ConsistentStart
 
@@ -169,15 +170,17 @@ def core_run(setup) -> _core.Run:
 def exhausting() -> mujoco.MjModel:
     """A model whose memory is enough until a limit becomes active, where MuJoCo calls mju_error."""
     xml = four_bar(rocker='limited="true" range="-0.5 0.02"')
-    for memory in range(400, 100_000, 8):
-        try:
-            model = mujoco.MjModel.from_xml_string(xml.replace("<default>", f'<size memory="{memory}"/><default>', 1))
-            data = mujoco.MjData(model)
-            mujoco.mj_forward(model, data)
-        except (ValueError, mujoco.FatalError):
-            continue
-        if data.ne == 3:  # with less it leaves them out, and only warns
-            return model
+    with collected_warnings():
+        for memory in range(400, 100_000, 8):
+            tight = xml.replace("<default>", f'<size memory="{memory}"/><default>', 1)
+            try:
+                model = mujoco.MjModel.from_xml_string(tight)
+                data = mujoco.MjData(model)
+                mujoco.mj_forward(model, data)
+            except (ValueError, mujoco.FatalError):
+                continue
+            if data.ne == 3:  # with less it leaves them out, and only warns
+                return model
     raise AssertionError("no such memory")
 
 

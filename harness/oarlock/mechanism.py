@@ -39,7 +39,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     if not path.is_file():
         raise InputError(f"no model file '{path}'")
     try:
-        with _collected_warnings() as said:
+        with collected_warnings() as said:
             if path.suffix == ".py":
                 model = _build(path, parameters or {}).compile()
             else:
@@ -61,7 +61,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
 
 
 @contextmanager
-def _collected_warnings() -> Iterator[list[str]]:
+def collected_warnings() -> Iterator[list[str]]:
     """MuJoCo's warnings, which it otherwise prints and writes to a file in the working folder."""
     said: list[str] = []
     before = mujoco.get_mju_user_warning()
