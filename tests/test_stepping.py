@@ -14,6 +14,7 @@ from tolerances import (
     CALIBRATION_BROKEN,
     CALIBRATION_SWINGING,
     FROZEN_DRIVE,
+    NEWTON_TIGHT,
     RK4_ORDER_HIGH,
     RK4_ORDER_LOW,
 )
@@ -47,6 +48,18 @@ def test_calibration_of_the_boat(integrator):
     setup = setup_of(load_case("boat"), integrator, duration_s=2.0)
     assert setup.steps == STEPS
     assert difference(setup) <= CALIBRATION
+
+
+def test_what_is_left_in_singular_poses_is_the_tolerance_of_mujocos_newton():
+    """Within it MuJoCo's acceleration is not the one that its own force gives."""
+    found = []
+    for tolerance in (None, NEWTON_TIGHT):
+        case = load_case("n_four_bar")
+        setup = setup_of(case, "rk4", duration_s=case.file.run.duration_s)
+        if tolerance is not None:
+            setup.model.opt.tolerance = tolerance
+        found.append(difference(setup))
+    assert found[1] <= CALIBRATION_SWINGING < found[0] / 10
 
 
 def swinging(tmp_path, joint="", start=1.0):

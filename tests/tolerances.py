@@ -54,6 +54,10 @@ CALIBRATION_SWINGING = 1e-10
 """rad or m. The same for a mechanism that falls through its dead points: they magnify rounding a thousandfold, and
 where it comes to rest MuJoCo's Newton stops within its tolerance, at a place that hangs on the last bit (1e-11)."""
 
+NEWTON_TIGHT = 1e-10
+"""MuJoCo's ``tolerance`` at which its Newton no longer stops before its first iteration in a pose that is nearly
+singular; its default is 1e-8."""
+
 CALIBRATION_BROKEN = 1e-7
 """rad or m. What a stepping that leaves out a part of the force must exceed: far above both."""
 
