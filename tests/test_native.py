@@ -24,6 +24,18 @@ TIMES = ("step_us", "solve_ns")
 """What no two runs agree in."""
 
 MUJOCO, AUTO, TRACKED, PINV = (SolverSpec.parse(text) for text in ("mujoco", "auto", "sr1-tracked", "pinv"))
+GIVEN = {
+    "qpos": np.zeros(3),
+    "qvel": np.zeros(3),
+    "laws": [],
+    "beta": 0.0,
+    "k": 0.0,
+    "observed": None,
+    "conserved": False,
+    "snapshots": [],
+}
+"""What a core's setup of a four-bar is made of."""
+
 EVERY_CASE = [name for model in model_names() for name in variant_names(model)]
 EVERY_KIND = [
     Task("calibration", MUJOCO, (), (), "rk4", "default"),
@@ -148,17 +160,7 @@ def test_sparse_jacobians_give_the_same_run():
 
 
 def core_run(setup) -> _core.Run:
-    core = _core.Setup(
-        setup.model,
-        qpos=setup.start.qpos,
-        qvel=setup.start.qvel,
-        laws=[],
-        beta=0.0,
-        k=0.0,
-        observed=None,
-        conserved=False,
-        snapshots=[],
-    )
+    core = _core.Setup(setup.model, **{**GIVEN, "qpos": setup.start.qpos, "qvel": setup.start.qvel})
     result = core.free_solved(setup.steps, "hard", AUTO.make(), PINV.make())
     assert result.advance(setup.steps) == setup.steps
     return result
@@ -189,18 +191,7 @@ def test_an_error_of_mujoco_is_an_exception_on_every_thread():
     model = exhausting()
 
     def fresh() -> _core.Run:
-        setup = _core.Setup(
-            model,
-            qpos=np.zeros(3),
-            qvel=np.array([0.0, 0.0, 1.0]),
-            laws=[],
-            beta=0.0,
-            k=0.0,
-            observed=None,
-            conserved=False,
-            snapshots=[],
-        )
-        return setup.bare(1000)
+        return _core.Setup(model, **{**GIVEN, "qvel": np.array([0.0, 0.0, 1.0])}).bare(1000)
 
     runs = [fresh() for _ in range(8)]
     taken = _core.advance_all(runs, 1000)
@@ -285,18 +276,6 @@ def test_nothing_is_called_before_the_library_is_known(call, message):
     done = in_a_fresh_process(FRESH.format(call))
     assert done.returncode == 0, done.stderr
     assert message in done.stdout
-
-
-GIVEN = {
-    "qpos": np.zeros(3),
-    "qvel": np.zeros(3),
-    "laws": [],
-    "beta": 0.0,
-    "k": 0.0,
-    "observed": None,
-    "conserved": False,
-    "snapshots": [],
-}
 
 
 @pytest.mark.parametrize(

@@ -32,12 +32,6 @@ use crate::error::Error;
 
 const MESSAGE: usize = 1024;
 
-/// The MuJoCo version that the crate was built against, as `mj_version` gives it: 4000000 is 4.0.0.
-#[must_use]
-pub fn built_against() -> i32 {
-    oarlock_header_version()
-}
-
 /// Resolves MuJoCo's functions from the library at `path`, which the process must have loaded. Once a process.
 ///
 /// # Errors

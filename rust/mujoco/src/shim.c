@@ -21,7 +21,7 @@ static void* symbol(void* library, const char* name) { return dlsym(library, nam
   X(mj_copyModel) X(mj_deleteModel) X(mj_makeData) X(mj_deleteData) X(mj_isSparse) X(mj_version) X(mj_step)         \
   X(mj_forward) X(mj_fwdPosition) X(mj_fwdVelocity) X(mj_fwdActuation) X(mj_fwdAcceleration) X(mj_fwdConstraint)   \
   X(mj_RungeKutta) X(mj_Euler) X(mj_implicit) X(mj_energyPos) X(mj_energyVel) X(mj_solveM) X(mj_solveM2)            \
-  X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacVec) X(mj_mulJacTVec) X(mj_id2name)
+  X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacTVec) X(mj_id2name)
 
 // The handler of one thread only: not in the public headers, but what MuJoCo's own bindings trap errors with. Its type
 // is checked by use; the library is of exactly the version of the headers.
@@ -166,9 +166,9 @@ int oarlock_solve_mass(const mjModel* m, mjData* d, double* x, const double* y, 
   TRAPPED(message, api.mj_solveM(m, d, x, y, 1));
 }
 
-// y = J x, nefc of nv, and y = Jᵀ x, nv of nefc.
-int oarlock_jacobian_times(const mjModel* m, const mjData* d, int transposed, const double* x, double* y, char* message) {
-  TRAPPED(message, transposed ? api.mj_mulJacTVec(m, d, y, x) : api.mj_mulJacVec(m, d, y, x));
+// y = Jᵀ x, nv of nefc.
+int oarlock_jacobian_transposed_times(const mjModel* m, const mjData* d, const double* x, double* y, char* message) {
+  TRAPPED(message, api.mj_mulJacTVec(m, d, y, x));
 }
 
 void oarlock_integrate(const mjModel* m, double* qpos, const double* qvel, double dt) {

@@ -6,8 +6,8 @@ use std::slice;
 use std::sync::Arc;
 
 use super::ffi::{
-    DataView, RowsView, oarlock_delete_data, oarlock_jacobian_times, oarlock_make_data, oarlock_run,
-    oarlock_solve_mass, oarlock_view_data, oarlock_view_rows, oarlock_whiten,
+    DataView, RowsView, oarlock_delete_data, oarlock_jacobian_transposed_times, oarlock_make_data,
+    oarlock_run, oarlock_solve_mass, oarlock_view_data, oarlock_view_rows, oarlock_whiten,
 };
 use super::model::{Integrator, Model};
 use super::{array, arrays, size, trapped};
@@ -241,28 +241,6 @@ impl Data {
         })
     }
 
-    /// `product` (nefc) = J `x` (nv).
-    ///
-    /// # Errors
-    /// [`Error::Mujoco`].
-    ///
-    /// # Panics
-    /// If the slices are not of these lengths.
-    pub fn jacobian_times(&mut self, x: &[f64], product: &mut [f64]) -> Result<(), Error> {
-        assert_eq!((x.len(), product.len()), (self.model.nv(), self.nefc()));
-        // SAFETY: lengths are right.
-        trapped(|message| unsafe {
-            oarlock_jacobian_times(
-                self.model.raw.as_ptr(),
-                self.raw.as_ptr(),
-                0,
-                x.as_ptr(),
-                product.as_mut_ptr(),
-                message,
-            )
-        })
-    }
-
     /// `product` (nv) = Jᵀ `x` (nefc).
     ///
     /// # Errors
@@ -276,10 +254,9 @@ impl Data {
         product.fill(0.0);
         // SAFETY: lengths are right.
         trapped(|message| unsafe {
-            oarlock_jacobian_times(
+            oarlock_jacobian_transposed_times(
                 self.model.raw.as_ptr(),
                 self.raw.as_ptr(),
-                1,
                 x.as_ptr(),
                 product.as_mut_ptr(),
                 message,

@@ -146,10 +146,9 @@ unsafe extern "C" {
         y: *const f64,
         message: *mut c_char,
     ) -> c_int;
-    pub(super) fn oarlock_jacobian_times(
+    pub(super) fn oarlock_jacobian_transposed_times(
         model: *const c_void,
         data: *const c_void,
-        transposed: c_int,
         x: *const f64,
         y: *mut f64,
         message: *mut c_char,
