@@ -65,12 +65,11 @@ impl MultiplierSolver for Auto {
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
-        let info = self.fast.solve(problem, x)?;
-        if info.residual_rel <= BELIEVED {
-            return Ok(info);
+        let solved = self.fast.solve(problem, x);
+        if solved.as_ref().is_ok_and(|info| info.residual_rel > BELIEVED) {
+            return self.safe.solve(problem, x).map(|info| Info { fallbacks: 1, ..info });
         }
-        let info = self.safe.solve(problem, x)?;
-        Ok(Info { fallbacks: 1, ..info })
+        solved
     }
 
     fn reset(&mut self) {

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::eigen::RANK_CUT;
 use crate::error::Error;
-use crate::kernels::norm;
+use crate::kernels::{norm, vectorised};
 use crate::params::Options;
 use crate::problem::Wanted;
 use crate::solver::{MultiplierSolver, SOLVERS};
@@ -34,6 +34,11 @@ const BEGIN: f64 = 0.4;
 /// What the accelerations asked for are off by in the contradicted sequence, m/s²: loops that stand open by 1e-6 m under
 /// Baumgarte's k = 1e4 /s².
 const CONTRADICTION: f64 = 1e-2;
+
+/// Bytes, a cache line: by multiples of it workspaces move from round to round. Where they happen to lie decides up to 30 %
+/// of a solve at n = 12, of one and the same code, and would do so for a whole process (Mytkowicz et al., "Producing wrong
+/// data without doing anything obviously wrong!", ASPLOS 2009).
+const SPACER: usize = 64;
 
 /// Steps before the timed ones: carried solvers begin with an eigendecomposition, and need a past to predict from.
 const WARM_UP: usize = 8;
@@ -84,7 +89,7 @@ impl Contestant {
         match self {
             Self::Ours(solver) => Ok(system.solve(&mut **solver, Wanted::Multipliers, x)?.products),
             Self::Library(_, solve) => {
-                x.copy_from_slice(solve(dense, system.rhs()).as_slice());
+                x.copy_from_slice(vectorised(|| solve(dense, system.rhs())).as_slice());
                 Ok(0)
             }
         }
@@ -94,6 +99,15 @@ impl Contestant {
         if let Self::Ours(solver) = self {
             solver.reset();
         }
+    }
+
+    /// The same with its workspace elsewhere in memory, `round` deciding where; what it gives back keeps that place taken.
+    fn relocate(&mut self, round: usize) -> Vec<u8> {
+        let spacer = vec![0; SPACER * (1 + round * 7 % 61)];
+        if let Self::Ours(solver) = self {
+            *solver = solver.clone_box();
+        }
+        spacer
     }
 }
 
@@ -205,8 +219,14 @@ pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -
         (timing.contradicted_error, _) = contradicted.follow(contestant)?;
         (timing.min_norm_error, timing.products) = smooth.follow(contestant)?;
     }
-    for _ in 0..rounds.max(1) {
-        for (contestant, times) in contestants.iter_mut().zip(&mut times) {
+    for round in 0..rounds.max(1) {
+        // There and back: whom one comes after decides, too.
+        let mut order: Vec<_> = contestants.iter_mut().zip(&mut times).collect();
+        if !round.is_multiple_of(2) {
+            order.reverse();
+        }
+        for (contestant, times) in order {
+            let _spacer = contestant.relocate(round);
             for (forming, times) in [true, false].into_iter().zip(times.iter_mut()) {
                 // Once untimed: nobody pays for what the one before left in the caches.
                 smooth.time(contestant, forming)?;

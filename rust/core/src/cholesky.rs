@@ -30,7 +30,7 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 use crate::eigen::RANK_CUT;
 use crate::error::{Error, check_len};
 use crate::info::Info;
-use crate::kernels::{BLOCKED, axpy, by_size, dot, norm};
+use crate::kernels::{BLOCKED, LARGEST_FIXED, axpy, by_size, dot, norm, vectorised};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem, Wanted};
 use crate::skyline;
@@ -254,14 +254,16 @@ impl Cholesky {
         let lowest = diagonal.iter().fold(f64::INFINITY, |lowest, &entry| lowest.min(entry));
         let matrix = MatMut::from_column_major_slice_mut(factor, n, n);
         let stack = MemStack::new(scratch);
-        let factored = llt_pivoting::factor::cholesky_in_place(
-            matrix,
-            pivots,
-            unpivots,
-            Par::Seq,
-            stack,
-            Spec::default(),
-        );
+        let factored = vectorised(|| {
+            llt_pivoting::factor::cholesky_in_place(
+                matrix,
+                pivots,
+                unpivots,
+                Par::Seq,
+                stack,
+                Spec::default(),
+            )
+        });
         let Ok((found, _)) = factored else {
             // It refuses a negative diagonal entry, which shows in `lowest`.
             pivots.iter_mut().enumerate().for_each(|(i, pivot)| *pivot = i);
@@ -310,25 +312,29 @@ impl Cholesky {
         } else {
             let triangle = MatRef::from_column_major_slice(&self.factor, n, n).submatrix(0, 0, rank, rank);
             let columns = MatMut::from_column_major_slice_mut(kernel, rank, d);
-            solve_upper_triangular_in_place(triangle.transpose(), columns, Par::Seq);
+            vectorised(|| solve_upper_triangular_in_place(triangle.transpose(), columns, Par::Seq));
             let columns = MatRef::from_column_major_slice(kernel, rank, d);
             let mut matrix = MatMut::from_column_major_slice_mut(gram, d, d);
-            matmul(
-                matrix.as_mut(),
-                BlockStructure::TriangularLower,
-                Accum::Replace,
-                columns.transpose(),
-                BlockStructure::Rectangular,
-                columns,
-                BlockStructure::Rectangular,
-                1.0,
-                Par::Seq,
-            );
+            vectorised(|| {
+                matmul(
+                    matrix.as_mut(),
+                    BlockStructure::TriangularLower,
+                    Accum::Replace,
+                    columns.transpose(),
+                    BlockStructure::Rectangular,
+                    columns,
+                    BlockStructure::Rectangular,
+                    1.0,
+                    Par::Seq,
+                )
+            });
             (0..d).for_each(|k| matrix[(k, k)] += 1.0);
             // All its eigenvalues are at least 1: it has a factor.
             let stack = MemStack::new(&mut self.scratch);
             let plain = llt::factor::LltRegularization::default();
-            let _ = llt::factor::cholesky_in_place(matrix, plain, Par::Seq, stack, Spec::default());
+            let _ = vectorised(|| {
+                llt::factor::cholesky_in_place(matrix, plain, Par::Seq, stack, Spec::default())
+            });
         }
         for (k, inverse) in self.gram_inverse.iter_mut().enumerate().take(d) {
             *inverse = self.gram[k * d + k].recip();
@@ -359,6 +365,7 @@ impl Cholesky {
         }
     }
 
+    /// The same for a size known at compile time, with A x left in the workspace.
     fn run_fixed<const N: usize>(
         &mut self,
         matrix: &[f64],
@@ -367,15 +374,10 @@ impl Cholesky {
         x: &mut [f64],
     ) -> Found {
         self.arch.dispatch(|| {
-            small::solve::<N>(
-                self.params.rank_cut,
-                &mut self.pivots,
-                matrix,
-                rhs,
-                wanted,
-                x,
-                &mut self.outside,
-            )
+            let Self { params, pivots, outside, image, .. } = self;
+            let found = small::solve::<N>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside);
+            small::product::<N>(matrix, x, image);
+            found
         })
     }
 }
@@ -486,6 +488,7 @@ impl MultiplierSolver for Cholesky {
         problem.matrix();
         let (matrix, rhs, wanted) = (problem.dense.as_slice(), problem.rhs(), problem.wanted);
         let narrow = problem.envelope.and_then(|first| self.run_narrow(first, matrix, rhs, x));
+        let imaged = narrow.is_none() && n <= LARGEST_FIXED;
         let found = match narrow {
             Some(found) => found,
             None => {
@@ -496,7 +499,9 @@ impl MultiplierSolver for Cholesky {
             return Err(Error::NotPositiveSemidefinite { smallest: found.lowest, largest: found.first });
         }
         let b_norm = norm(rhs);
-        problem.apply(x, &mut self.image);
+        if !imaged {
+            problem.apply(x, &mut self.image);
+        }
         for ((image, b), outside) in self.image.iter_mut().zip(problem.rhs()).zip(&self.outside) {
             *image -= b - outside;
         }

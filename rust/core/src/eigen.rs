@@ -7,7 +7,7 @@ use faer::{ColRef, Mat, MatRef, Par, Spec};
 use nalgebra::DMatrix;
 
 use crate::error::Error;
-use crate::kernels::{axpy, dot, norm, rank_one};
+use crate::kernels::{axpy, dot, norm, rank_one, vectorised};
 use crate::problem::Problem;
 
 /// Eigenvalues of A below this part of the largest count as zero, unless an option `rank_cut` says otherwise.
@@ -93,14 +93,16 @@ impl SymmetricEigen {
             return Ok(());
         }
         let view = MatRef::from_column_major_slice(matrix.as_slice(), n, n);
-        self_adjoint_evd(
-            view,
-            self.values.as_mut(),
-            Some(self.vectors.as_mut()),
-            Par::Seq,
-            MemStack::new(&mut self.scratch),
-            Spec::default(),
-        )
+        vectorised(|| {
+            self_adjoint_evd(
+                view,
+                self.values.as_mut(),
+                Some(self.vectors.as_mut()),
+                Par::Seq,
+                MemStack::new(&mut self.scratch),
+                Spec::default(),
+            )
+        })
         .map_err(|_| Error::Eigen { n })?;
         let (smallest, largest) = (self.values[0], self.values[n - 1]);
         // Subnormal eigenvalues count as zero, and their sign says nothing.

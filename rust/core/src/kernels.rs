@@ -9,7 +9,22 @@ use nalgebra::{SMatrixView, SVectorView, SVectorViewMut};
 /// From here on faer's kernels beat plain loops (measured: `make bench`).
 pub const BLOCKED: usize = 24;
 
-/// Calls a function generic in the size for sizes 1 to 8, and another for the rest.
+/// The largest size that has code of its own.
+pub const LARGEST_FIXED: usize = 8;
+
+/// Runs kernels of faer and clears the upper halves of the vector registers after them, which some leave in use: on many
+/// processors all older vector code of the process, MuJoCo's too, is slow until then (a decomposition of nalgebra's ×2 to ×3).
+#[inline]
+pub fn vectorised<R>(kernels: impl FnOnce() -> R) -> R {
+    let result = kernels();
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = pulp::x86::V3::try_new() {
+        simd.avx._mm256_zeroupper();
+    }
+    result
+}
+
+/// Calls a function generic in the size for sizes 1 to [`LARGEST_FIXED`], and another for the rest.
 macro_rules! by_size {
     ($n:expr, $($fixed:ident)::+($($arg:expr),*), $dynamic:expr) => {
         match $n {
@@ -59,7 +74,7 @@ fn gemv_dynamic(a: &[f64], x: &[f64], y: &mut [f64]) {
         let a = MatRef::from_column_major_slice(a, n, n);
         let x = MatRef::from_column_major_slice(x, n, 1);
         let y = MatMut::from_column_major_slice_mut(y, n, 1);
-        matmul(y, Accum::Replace, a, x, 1.0, Par::Seq);
+        vectorised(|| matmul(y, Accum::Replace, a, x, 1.0, Par::Seq));
         return;
     }
     y.fill(0.0);
@@ -107,40 +122,46 @@ pub fn rank_two(alpha: f64, u: &[f64], v: &[f64], a: &mut [f64]) {
 /// Y = A X with A (`rows×inner`) and X (`inner×cols`); faer's kernels, which pay from a few columns on.
 pub fn gemm(rows: usize, inner: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
     let cols = x.len() / inner.max(1);
-    matmul(
-        MatMut::from_column_major_slice_mut(y, rows, cols),
-        Accum::Replace,
-        MatRef::from_column_major_slice(a, rows, inner),
-        MatRef::from_column_major_slice(x, inner, cols),
-        1.0,
-        Par::Seq,
-    );
+    vectorised(|| {
+        matmul(
+            MatMut::from_column_major_slice_mut(y, rows, cols),
+            Accum::Replace,
+            MatRef::from_column_major_slice(a, rows, inner),
+            MatRef::from_column_major_slice(x, inner, cols),
+            1.0,
+            Par::Seq,
+        )
+    });
 }
 
 /// Y = Aᵀ X with A (`inner×rows`) and X (`inner×cols`).
 pub fn gemm_tr(rows: usize, inner: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
     let cols = x.len() / inner.max(1);
-    matmul(
-        MatMut::from_column_major_slice_mut(y, rows, cols),
-        Accum::Replace,
-        MatRef::from_column_major_slice(a, inner, rows).transpose(),
-        MatRef::from_column_major_slice(x, inner, cols),
-        1.0,
-        Par::Seq,
-    );
+    vectorised(|| {
+        matmul(
+            MatMut::from_column_major_slice_mut(y, rows, cols),
+            Accum::Replace,
+            MatRef::from_column_major_slice(a, inner, rows).transpose(),
+            MatRef::from_column_major_slice(x, inner, cols),
+            1.0,
+            Par::Seq,
+        )
+    });
 }
 
 /// A += alpha X Yᵀ with A (`n×n`), X and Y (`n×cols`).
 pub fn gemm_outer(n: usize, alpha: f64, x: &[f64], y: &[f64], a: &mut [f64]) {
     let cols = x.len() / n.max(1);
-    matmul(
-        MatMut::from_column_major_slice_mut(a, n, n),
-        Accum::Add,
-        MatRef::from_column_major_slice(x, n, cols),
-        MatRef::from_column_major_slice(y, n, cols).transpose(),
-        alpha,
-        Par::Seq,
-    );
+    vectorised(|| {
+        matmul(
+            MatMut::from_column_major_slice_mut(a, n, n),
+            Accum::Add,
+            MatRef::from_column_major_slice(x, n, cols),
+            MatRef::from_column_major_slice(y, n, cols).transpose(),
+            alpha,
+            Par::Seq,
+        )
+    });
 }
 
 /// `C = AᵀA` with A (`inner×n`).
@@ -175,17 +196,19 @@ fn gram_dynamic(n: usize, inner: usize, a: &[f64], c: &mut [f64]) {
         }
     } else {
         let view = MatRef::from_column_major_slice(a, inner, n);
-        triangular::matmul(
-            MatMut::from_column_major_slice_mut(c, n, n),
-            triangular::BlockStructure::TriangularLower,
-            Accum::Replace,
-            view.transpose(),
-            triangular::BlockStructure::Rectangular,
-            view,
-            triangular::BlockStructure::Rectangular,
-            1.0,
-            Par::Seq,
-        );
+        vectorised(|| {
+            triangular::matmul(
+                MatMut::from_column_major_slice_mut(c, n, n),
+                triangular::BlockStructure::TriangularLower,
+                Accum::Replace,
+                view.transpose(),
+                triangular::BlockStructure::Rectangular,
+                view,
+                triangular::BlockStructure::Rectangular,
+                1.0,
+                Par::Seq,
+            )
+        });
     }
     for col in 0..n {
         for row in col + 1..n {

@@ -28,7 +28,7 @@ use faer::{MatMut, MatRef, Par, Spec};
 use crate::eigen::{RANK_CUT, SymmetricEigen};
 use crate::error::{Error, check_len};
 use crate::info::{Info, Status};
-use crate::kernels::{axpy, norm};
+use crate::kernels::{axpy, norm, vectorised};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem};
 use crate::solver::{MultiplierSolver, SolverKind, State};
@@ -143,7 +143,9 @@ impl Regularised {
             let matrix = MatMut::from_column_major_slice_mut(&mut self.factor, n, n);
             let stack = MemStack::new(&mut self.scratch);
             let regularisation = LltRegularization::default();
-            if cholesky_in_place(matrix, regularisation, Par::Seq, stack, Spec::default()).is_ok() {
+            if vectorised(|| cholesky_in_place(matrix, regularisation, Par::Seq, stack, Spec::default()))
+                .is_ok()
+            {
                 return Ok(grown);
             }
             // On this rare path, and nowhere else, memory is taken: indefinite, or positive semidefinite to rounding?
@@ -162,12 +164,14 @@ impl Regularised {
     fn step(&mut self, problem: &mut Problem<'_>) {
         let n = self.x.len();
         self.next.copy_from_slice(&self.r);
-        solve_in_place(
-            MatRef::from_column_major_slice(&self.factor, n, n),
-            MatMut::from_column_major_slice_mut(&mut self.next, n, 1),
-            Par::Seq,
-            MemStack::new(&mut self.scratch),
-        );
+        vectorised(|| {
+            solve_in_place(
+                MatRef::from_column_major_slice(&self.factor, n, n),
+                MatMut::from_column_major_slice_mut(&mut self.next, n, 1),
+                Par::Seq,
+                MemStack::new(&mut self.scratch),
+            )
+        });
         axpy(1.0, &self.x, &mut self.next);
         residual(problem, &self.next, &mut self.next_r);
     }

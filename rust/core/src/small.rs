@@ -31,15 +31,15 @@ pub fn solve<const N: usize>(
     let mut pivots: [usize; N] = std::array::from_fn(|i| order[i].min(N - 1));
     let mut columns: Square<N> =
         std::array::from_fn(|col| std::array::from_fn(|row| a[pivots[col] * N + pivots[row]]));
-    let mut inverses = [0.0; N];
+    let (mut rows, mut inverses) = ([[0.0; N]; N], [0.0; N]);
     // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
     let rank_cut = rank_cut.max(N as f64 * f64::EPSILON);
-    let found = factorise(rank_cut, &mut columns, &mut pivots, &mut inverses);
+    let found = factorise(rank_cut, &mut columns, &mut rows, &mut pivots, &mut inverses);
     order.copy_from_slice(&pivots);
     let rank = found.rank;
 
     let mut permuted: [f64; N] = std::array::from_fn(|i| rhs[pivots[i]]);
-    let null = Null::new(rank, &columns);
+    let null = Null::new(rank, &rows);
     null.project(&mut permuted);
     for (&entry, &pivot) in permuted.iter().zip(&pivots) {
         outside[pivot] = rhs[pivot] - entry;
@@ -53,7 +53,7 @@ pub fn solve<const N: usize>(
     for (entry, inverse) in permuted.iter_mut().zip(&inverses) {
         *entry *= inverse;
     }
-    backward(rank, &columns, &mut permuted);
+    backward(rank, &rows, &mut permuted);
     if wanted == Wanted::Multipliers {
         null.project(&mut permuted);
     }
@@ -61,6 +61,18 @@ pub fn solve<const N: usize>(
         x[pivot] = entry;
     }
     found
+}
+
+/// y = A x with the N×N matrix `a`, column-major.
+#[inline(always)]
+pub fn product<const N: usize>(a: &[f64], x: &[f64], y: &mut [f64]) {
+    let mut sum = [0.0; N];
+    for (column, &entry) in a[..N * N].chunks_exact(N).zip(&x[..N]) {
+        for (sum, a) in sum.iter_mut().zip(column) {
+            *sum += entry * a;
+        }
+    }
+    y[..N].copy_from_slice(&sum);
 }
 
 /// to −= factor · from.
@@ -81,11 +93,13 @@ fn dot<const N: usize>(x: &[f64; N], y: &[f64; N]) -> f64 {
     sums[0] + sums[1]
 }
 
-/// Pᵀ A P = L D Lᵀ: L without its unit diagonal, zero everywhere else, and 1/D in `inverses`, which is 0 beyond the rank.
+/// Pᵀ A P = L D Lᵀ: L without its unit diagonal, zero everywhere else, by columns in `a` and by rows in `rows`, and 1/D in
+/// `inverses`, which is 0 beyond the rank.
 #[inline(always)]
 fn factorise<const N: usize>(
     rank_cut: f64,
     a: &mut Square<N>,
+    rows: &mut Square<N>,
     pivots: &mut [usize; N],
     inverses: &mut [f64; N],
 ) -> Found {
@@ -106,26 +120,28 @@ fn factorise<const N: usize>(
             for column in a.iter_mut() {
                 column.swap(col, best);
             }
+            rows.swap(col, best);
             pivots.swap(col, best);
         }
         let inverse = pivot.recip();
         inverses[col] = inverse;
         let mut scaled = a[col].map(|entry| entry * inverse);
         scaled[..=col].fill(0.0);
-        for target in &mut a[col + 1..] {
-            subtract(target[col], &scaled, target);
+        for target in col + 1..N {
+            rows[target][col] = scaled[target];
+            subtract(a[target][col], &scaled, &mut a[target]);
         }
         a[col] = scaled;
     }
     found
 }
 
-/// L₁ᵀ z = z for the unit triangle of the first `rank` columns; z is zero beyond them.
+/// L₁ᵀ z = z for the unit triangle of the first `rank` rows, of which the last comes first: nothing waits for a sum.
 #[inline(always)]
-fn backward<const N: usize>(rank: usize, l: &Square<N>, z: &mut [f64; N]) {
-    for col in (0..N).rev() {
-        if col < rank {
-            z[col] -= dot(&l[col], z);
+fn backward<const N: usize>(rank: usize, rows: &Square<N>, z: &mut [f64; N]) {
+    for row in (0..N).rev() {
+        if row < rank {
+            subtract(z[row], &rows[row], z);
         }
     }
 }
@@ -141,11 +157,12 @@ struct Null<const N: usize> {
 
 impl<const N: usize> Null<N> {
     #[inline(always)]
-    fn new(rank: usize, l: &Square<N>) -> Self {
+    fn new(rank: usize, rows: &Square<N>) -> Self {
         let kernel: Square<N> = std::array::from_fn(|k| {
-            let mut column = std::array::from_fn(|col| if col < rank && k >= rank { l[col][k] } else { 0.0 });
+            let mut column = [0.0; N];
             if k >= rank {
-                backward(rank, l, &mut column);
+                column = rows[k];
+                backward(rank, rows, &mut column);
             }
             column
         });
