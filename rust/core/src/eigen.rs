@@ -1,13 +1,14 @@
-//! Symmetric eigendecomposition with a rank cut, in a workspace that is kept.
+//! Symmetric eigendecomposition with a rank cut, in a workspace that is kept: nalgebra's for small sizes, faer's beyond.
 
 use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
 use faer::{ColRef, Mat, MatRef, Par, Spec};
-use nalgebra::DMatrix;
+use nalgebra::allocator::Allocator;
+use nalgebra::{Const, DMatrix, DefaultAllocator, DimDiff, DimSub, OMatrix, U1};
 
 use crate::error::Error;
-use crate::kernels::{axpy, dot, norm, rank_one, vectorised};
+use crate::kernels::{axpy, by_size, dot, norm, rank_one, vectorised};
 use crate::problem::Problem;
 
 /// Eigenvalues of A below this part of the largest count as zero, unless an option `rank_cut` says otherwise.
@@ -20,6 +21,9 @@ pub const RANK_CUT: f64 = 1e-10;
 /// An eigenvalue below minus this part of the largest means that A is not positive semidefinite. Rounding leaves n·ε,
 /// whatever the rank cut; a sign that is wrong in a formula leaves order one.
 pub const SEMIDEFINITE_TOLERANCE: f64 = 1e-10;
+
+/// Iterations of QR an eigenvalue may take on average; it takes two. Who needs more is given to faer.
+const MAX_SWEEPS: usize = 30;
 
 /// A = U diag(w) Uᵀ and the rank by a relative cut.
 pub struct SymmetricEigen {
@@ -92,6 +96,23 @@ impl SymmetricEigen {
             self.rank = 0;
             return Ok(());
         }
+        if !by_size!(n, Self::decompose_fixed(self, matrix), false) {
+            self.decompose_dynamic(matrix)?;
+        }
+        let (smallest, largest) = (self.values[0], self.values[n - 1]);
+        // Subnormal eigenvalues count as zero, and their sign says nothing.
+        let scale = largest.abs().max(smallest.abs());
+        let cut = (rank_cut * scale).max(f64::MIN_POSITIVE);
+        if smallest < -(SEMIDEFINITE_TOLERANCE * scale).max(f64::MIN_POSITIVE) {
+            return Err(Error::NotPositiveSemidefinite { smallest, largest });
+        }
+        self.rank = (0..n).filter(|&i| self.values[i] > cut).count();
+        Ok(())
+    }
+
+    /// faer's decomposition.
+    fn decompose_dynamic(&mut self, matrix: &DMatrix<f64>) -> Result<(), Error> {
+        let n = self.len();
         let view = MatRef::from_column_major_slice(matrix.as_slice(), n, n);
         vectorised(|| {
             self_adjoint_evd(
@@ -103,16 +124,31 @@ impl SymmetricEigen {
                 Spec::default(),
             )
         })
-        .map_err(|_| Error::Eigen { n })?;
-        let (smallest, largest) = (self.values[0], self.values[n - 1]);
-        // Subnormal eigenvalues count as zero, and their sign says nothing.
-        let scale = largest.abs().max(smallest.abs());
-        let cut = (rank_cut * scale).max(f64::MIN_POSITIVE);
-        if smallest < -(SEMIDEFINITE_TOLERANCE * scale).max(f64::MIN_POSITIVE) {
-            return Err(Error::NotPositiveSemidefinite { smallest, largest });
+        .map_err(|_| Error::Eigen { n })
+    }
+
+    /// nalgebra's for a size known at compile time, in half the time; gives whether it converged.
+    fn decompose_fixed<const N: usize>(&mut self, matrix: &DMatrix<f64>) -> bool
+    where
+        Const<N>: DimSub<U1>,
+        DefaultAllocator:
+            Allocator<Const<N>, Const<N>> + Allocator<Const<N>> + Allocator<DimDiff<Const<N>, U1>>,
+    {
+        let matrix = OMatrix::<f64, Const<N>, Const<N>>::from_column_slice(matrix.as_slice());
+        let found = nalgebra::SymmetricEigen::<f64, Const<N>>::try_new(matrix, f64::EPSILON, MAX_SWEEPS * N);
+        let Some(found) = found.filter(|found| found.eigenvalues.iter().all(|value| value.is_finite()))
+        else {
+            return false;
+        };
+        let mut order: [usize; N] = std::array::from_fn(|i| i);
+        order.sort_unstable_by(|&i, &j| found.eigenvalues[i].total_cmp(&found.eigenvalues[j]));
+        for (col, from) in order.into_iter().enumerate() {
+            self.values[col] = found.eigenvalues[from];
+            for row in 0..N {
+                self.vectors[(row, col)] = found.eigenvectors[(row, from)];
+            }
         }
-        self.rank = (0..n).filter(|&i| self.values[i] > cut).count();
-        Ok(())
+        true
     }
 
     /// Number of eigenvalues above the cut.
