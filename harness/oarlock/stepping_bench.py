@@ -1,7 +1,7 @@
 """What a comparison costs, as ratios to bare ``mj_step`` of the same model and steps: interleaved rounds, medians.
 
-MuJoCo runs with its default Newton solver; its Jacobian and islands as the model asks for them, and beside that in
-whichever setting of both is fastest here.
+MuJoCo runs with its default Newton solver, its Jacobian and islands as the model asks for them, and its timers running, as
+they do in a process that imported it; beside that in whichever setting of all three is fastest here.
 """
 
 import statistics
@@ -35,6 +35,11 @@ _JACOBIANS = {
     "sparse": mujoco.mjtJacobian.mjJAC_SPARSE,
     "auto": mujoco.mjtJacobian.mjJAC_AUTO,
 }
+_SWITCHES = {
+    "": {},
+    ", no islands": {"islands": False},
+    ", no islands, no timers": {"islands": False, "timers": False},
+}
 _ISLANDS_OFF = mujoco.mjtDisableBit.mjDSBL_ISLAND
 
 _SPOOLS = partial(spools, schema=SCHEMA)
@@ -59,10 +64,10 @@ class _Track:
 
     def contenders(self) -> dict[str, Contender]:
         bare = {
-            f"{BARE}, {name} Jacobian{'' if islands else ', no islands'}": self._bare(jacobian, islands)
+            f"{BARE}, {name} Jacobian{without}": self._bare(jacobian, **switches)
             for name, jacobian in _JACOBIANS.items()
             if name != "auto"
-            for islands in (True, False)
+            for without, switches in _SWITCHES.items()
         }
         exact = {
             f"exact free run, {solver}{', sparse Jacobian' if name == 'sparse' else ''}": self._free(solver, jacobian)
@@ -71,7 +76,7 @@ class _Track:
             if name != "auto"
         }
         return {
-            BARE: self._bare(_JACOBIANS["auto"], True),
+            BARE: self._bare(_JACOBIANS["auto"]),
             **bare,
             **exact,
             "lockstep, sr1-tracked, all figures, recorded": self._lockstep(),
@@ -93,9 +98,9 @@ class _Track:
     def _make(self, spec: SolverSpec) -> _core.MultiplierSolver:
         return spec.with_defaults(rank_cut=self._laboratory.case.file.rank_cut).make()
 
-    def _bare(self, jacobian: mujoco.mjtJacobian, islands: bool) -> Contender:
+    def _bare(self, jacobian: mujoco.mjtJacobian, islands: bool = True, timers: bool = True) -> Contender:
         core = self._path(self._setup(jacobian, islands)).core
-        return lambda: self._timed(core.bare(self.steps).walk)
+        return lambda: self._timed(partial(core.bare(self.steps).walk, timers))
 
     def _free(self, solver: str, jacobian: mujoco.mjtJacobian) -> Contender:
         core = self._path(self._setup(jacobian)).core

@@ -22,7 +22,7 @@ use std::{ptr, slice};
 
 pub use data::Data;
 use ffi::{oarlock_header_version, oarlock_open};
-pub use hook::{Controls, with_controls};
+pub use hook::{Controls, with_controls, without_timers};
 pub use model::{
     EQ_CONNECT, EQ_DATA, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Integrator, Model, WRAP_CYLINDER, WRAP_JOINT,
     WRAP_PULLEY, WRAP_SITE,

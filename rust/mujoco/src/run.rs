@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::drive::Drive;
 use crate::error::Error;
-use crate::library::{Data, Model};
+use crate::library::{Data, Model, without_timers};
 use crate::state::{Baumgarte, State};
 use crate::steps::{Column, Steps};
 use crate::vectors::{largest, times};
@@ -212,6 +212,10 @@ impl Run {
 
     /// Goes on by so many steps, or to its end. Gives the number of steps taken; fewer than asked for: it has ended.
     pub fn advance(&mut self, steps: usize) -> usize {
+        without_timers(|| self.advance_untimed(steps))
+    }
+
+    fn advance_untimed(&mut self, steps: usize) -> usize {
         let before = self.done;
         let until = self.steps.min(self.done + steps);
         while self.done < until && self.end.is_none() {
@@ -249,6 +253,14 @@ impl Run {
     /// # Errors
     /// What ended it.
     pub fn walk(&mut self) -> Result<(), Error> {
+        without_timers(|| self.walk_timed())
+    }
+
+    /// The same with MuJoCo's timers running: what a process that imported it pays for a step.
+    ///
+    /// # Errors
+    /// What ended it.
+    pub fn walk_timed(&mut self) -> Result<(), Error> {
         self.experiment.unrecorded();
         while self.done < self.steps {
             self.experiment.look()?;

@@ -33,6 +33,7 @@ static struct {
 #undef DECLARE
   set_handler set_thread_handler;
   mjfGeneric* control;
+  mjfTime* time;
 } api;
 
 static _Thread_local jmp_buf trap;
@@ -76,7 +77,9 @@ int oarlock_open(const char* path, int* version, const char** missing) {
   api.set_thread_handler = (set_handler)symbol(library, *missing = "_mjPRIVATE_setTlsLogHandler");
   if (!api.set_thread_handler) return 2;
   api.control = (mjfGeneric*)symbol(library, *missing = "mjcb_control");
-  return api.control ? 0 : 2;
+  if (!api.control) return 2;
+  api.time = (mjfTime*)symbol(library, *missing = "mjcb_time");
+  return api.time ? 0 : 2;
 }
 
 int oarlock_copy_model(const mjModel* model, mjModel** copy, char* message) {
@@ -203,6 +206,22 @@ void oarlock_hook(void) {
 }
 
 void oarlock_unhook(void) { *api.control = replaced; }
+
+// What MuJoCo's timers ask: a clock costs more than a stage of a small model. It is replaced, never cleared: other threads
+// may be between asking whether there is one and calling it.
+static mjfTime clock_replaced;
+
+static mjtNum no_clock(void) { return 0; }
+
+// The caller sees to it that calls of these two alternate.
+void oarlock_stop_timers(void) {
+  clock_replaced = *api.time;
+  if (clock_replaced) *api.time = no_clock;
+}
+
+void oarlock_start_timers(void) {
+  if (*api.time == no_clock) *api.time = clock_replaced;
+}
 
 void oarlock_answer(const mjModel* model, oarlock_control control, void* self) {
   answering.model = model;

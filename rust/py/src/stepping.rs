@@ -202,9 +202,12 @@ impl Run {
         py.detach(|| self.inner.advance(steps))
     }
 
-    /// Takes all steps that are left without writing anything down: what the walk itself costs.
-    fn walk(&mut self, py: Python<'_>) -> PyResult<()> {
-        py.detach(|| self.inner.walk()).map_err(|error| raised(py, &error))
+    /// Takes all steps that are left without writing anything down: what the walk itself costs, with MuJoCo's timers standing
+    /// still or running.
+    #[pyo3(signature = (timers=false))]
+    fn walk(&mut self, py: Python<'_>, timers: bool) -> PyResult<()> {
+        let walk = |run: &mut native::run::Run| if timers { run.walk_timed() } else { run.walk() };
+        py.detach(|| walk(&mut self.inner)).map_err(|error| raised(py, &error))
     }
 
     /// What ended it before its last step: its step, time (s), and why, as (kind, message) with kind "not-finite",

@@ -160,6 +160,8 @@ unsafe extern "C" {
         qpos1: *const f64,
         qpos2: *const f64,
     );
+    pub(super) safe fn oarlock_stop_timers();
+    pub(super) safe fn oarlock_start_timers();
     pub(super) safe fn oarlock_hook();
     pub(super) safe fn oarlock_unhook();
     pub(super) fn oarlock_answer(model: *const c_void, control: Option<Control>, this: *mut c_void);

@@ -1,11 +1,11 @@
-//! MuJoCo's control hook, which is one for the process, shared out among threads.
+//! What MuJoCo calls back, once for the process: its control hook and its clock, shared out among threads.
 
 use std::ffi::c_void;
 use std::marker::PhantomData;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 use std::{ptr, slice};
 
-use super::ffi::{oarlock_answer, oarlock_hook, oarlock_unhook};
+use super::ffi::{oarlock_answer, oarlock_hook, oarlock_start_timers, oarlock_stop_timers, oarlock_unhook};
 use super::model::Model;
 
 /// Writes controls (nu) at a time, s. MuJoCo's own integrators ask it at every stage.
@@ -14,8 +14,41 @@ pub trait Controls {
     fn write(&mut self, time: f64, ctrl: &mut [f64]);
 }
 
-/// How many threads have MuJoCo's control hook installed.
+/// How many threads have MuJoCo's control hook installed, and its timers stopped.
 static HOOKED: Mutex<usize> = Mutex::new(0);
+static UNTIMED: Mutex<usize> = Mutex::new(0);
+
+/// One more; the first one does `first`.
+fn enter(count: &Mutex<usize>, first: impl FnOnce()) {
+    let mut count = count.lock().unwrap_or_else(PoisonError::into_inner);
+    if *count == 0 {
+        first();
+    }
+    *count += 1;
+}
+
+/// One less; the last one does `last`.
+fn leave(count: &Mutex<usize>, last: impl FnOnce()) {
+    let mut count = count.lock().unwrap_or_else(PoisonError::into_inner);
+    *count -= 1;
+    if *count == 0 {
+        last();
+    }
+}
+
+/// Does `work` while MuJoCo's timers, in `mjData.timer` of whoever runs meanwhile, stand still. Its Python bindings set a
+/// clock, which costs a fifth of a step of a small model.
+pub fn without_timers<T>(work: impl FnOnce() -> T) -> T {
+    struct Restart;
+    impl Drop for Restart {
+        fn drop(&mut self) {
+            leave(&UNTIMED, || oarlock_start_timers());
+        }
+    }
+    enter(&UNTIMED, || oarlock_stop_timers());
+    let _restart = Restart;
+    work()
+}
 
 /// Who answers MuJoCo in this thread.
 struct Hook<'a, C> {
@@ -41,21 +74,11 @@ pub fn with_controls<C: Controls, T>(model: &Model, controls: &mut C, work: impl
         fn drop(&mut self) {
             // SAFETY: nobody answers.
             unsafe { oarlock_answer(ptr::null(), None, ptr::null_mut()) };
-            let mut count = HOOKED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            *count -= 1;
-            if *count == 0 {
-                oarlock_unhook();
-            }
+            leave(&HOOKED, || oarlock_unhook());
         }
     }
     let mut hook = Hook { nu: model.nu(), controls };
-    {
-        let mut count = HOOKED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if *count == 0 {
-            oarlock_hook();
-        }
-        *count += 1;
-    }
+    enter(&HOOKED, || oarlock_hook());
     let _unhook = Unhook(PhantomData);
     // SAFETY: `_unhook` takes the answer back before `hook`, which was made earlier, goes out of scope.
     unsafe { oarlock_answer(model.raw.as_ptr(), Some(answer::<C>), (&raw mut hook).cast()) };
