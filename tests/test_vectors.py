@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from oarlock.vectors import conjugate, cross, horner, norm, product, times
+from oarlock.vectors import cross, horner, norm, times
 from tolerances import SAME_POINT
 
 
@@ -25,12 +25,8 @@ def test_rows_are_summed_from_left_to_right(columns):
 
 def test_algebra_is_mujocos():
     rng = np.random.default_rng(1)
-    p, q = rng.normal(size=(2, 4))
-    theirs, turned = np.zeros(4), np.zeros(4)
-    mujoco.mju_negQuat(turned, p)
-    mujoco.mju_mulQuat(theirs, turned, q)
-    np.testing.assert_allclose(product(conjugate(p.tolist()), q.tolist()), theirs, rtol=0, atol=SAME_POINT)
+    p, q = rng.normal(size=(2, 3))
     theirs = np.zeros(3)
-    mujoco.mju_cross(theirs, p[:3], q[:3])
-    np.testing.assert_allclose(cross(p[:3].tolist(), q[:3].tolist()), theirs, rtol=0, atol=SAME_POINT)
+    mujoco.mju_cross(theirs, p, q)
+    np.testing.assert_allclose(cross(p.tolist(), q.tolist()), theirs, rtol=0, atol=SAME_POINT)
     assert horner([1.0, 2.0, 3.0], 2.0) == 17.0

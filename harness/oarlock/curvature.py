@@ -1,64 +1,23 @@
 """J̇v: the part of the constraints' acceleration that needs no acceleration of the coordinates.
 
-The rows of a kind of equality are MuJoCo's own, and J̇v is the exact time derivative of their Jacobian, times v:
+The exact time derivative of MuJoCo's own rows of J, times v:
 
-- connect: p₁ − p₂ of the anchors.
-- weld: the same of its anchors, then τ Im(q̄₂ q₁) with the orientations q₁ (with the relative pose) and q₂ as
-  quaternions and τ the torque scale; its rate is ½τ Im(q̄₂ (ω₁ − ω₂) q₁), and with q̇ = ½ωq the rate of that is
-  ½τ Im(q̄₂ (α₁ − α₂ + ω₁×ω₂ − ½|ω₁ − ω₂|²) q₁), where α = J̇v of a body's rotation.
+- connect and weld: MuJoCo has it, for it asks them for aref = −B Jv − K d r − J̇v (since 3.7). Taking it back costs the
+  rounding of the other two terms.
 - joint and tendon: y − p(x) with a quartic p, y and x measured from the model's own pose; J̇v = ÿ − p'(x) ẍ − p''(x) ẋ²,
-  where ÿ and ẍ are 0 for joints and fixed tendons.
+  where ÿ and ẍ are 0 for joints and fixed tendons. MuJoCo leaves it out of their aref.
 """
 
-from collections.abc import Sequence
-from typing import NoReturn, Protocol
+from typing import NoReturn
 
 import mujoco
 import numpy as np
 
 from oarlock.errors import InputError
-from oarlock.kinematics import Kinematics, Point
+from oarlock.kinematics import Kinematics
 from oarlock.mechanism import Equality, equalities
 from oarlock.tendons import Tendon
-from oarlock.vectors import Quaternion, Vector, conjugate, cross, dot, horner, minus, plus, product
-
-
-class _Rows(Protocol):
-    """The rows of one equality."""
-
-    bodies: list[int]
-    """Those whose motion they need."""
-
-    def bends(self, data: mujoco.MjData, kinematics: Kinematics) -> Sequence[float]:
-        """J̇v of every row, given the motion of their bodies."""
-        ...
-
-
-class _Connect:
-    def __init__(self, ends: tuple[Point, Point]):
-        self._ends = ends
-        self.bodies = [end.body for end in ends]
-
-    def bends(self, data: mujoco.MjData, kinematics: Kinematics) -> Vector:
-        return kinematics.points_apart(data, self._ends)
-
-
-class _Weld:
-    def __init__(self, ends: tuple[Point, Point], turns: tuple[Quaternion, Quaternion], scale: float):
-        self._ends, self._turns = ends, turns
-        self._half_scale = 0.5 * scale
-        self.bodies = [end.body for end in ends]
-
-    def bends(self, data: mujoco.MjData, kinematics: Kinematics) -> list[float]:
-        spin1, spin2 = (kinematics.spin(body) for body in self.bodies)
-        apart = minus(spin1, spin2)
-        bend1, bend2 = (kinematics.spin_bend(body) for body in self.bodies)
-        x, y, z = plus(minus(bend1, bend2), cross(spin1, spin2))
-        quat1, quat2 = (
-            product(data.xquat[body].tolist(), turn) for body, turn in zip(self.bodies, self._turns, strict=True)
-        )
-        turned = product(conjugate(quat2), product((-0.5 * dot(apart, apart), x, y, z), quat1))
-        return [*kinematics.points_apart(data, self._ends), *(self._half_scale * entry for entry in turned[1:])]
+from oarlock.vectors import horner
 
 
 class _Coupling:
@@ -71,12 +30,12 @@ class _Coupling:
         self._coupled = coupled
         self.bodies: list[int] = []
 
-    def bends(self, data: mujoco.MjData, kinematics: Kinematics) -> list[float]:
+    def bend(self, data: mujoco.MjData, kinematics: Kinematics) -> float:
         bend = self._bend(data, kinematics, 0)
         if self._coupled:
             x, rate = self._argument(data)
             bend -= horner(self._first, x) * self._bend(data, kinematics, 1) + horner(self._second, x) * rate * rate
-        return [bend]
+        return bend
 
     def _bend(self, data: mujoco.MjData, kinematics: Kinematics, end: int) -> float:
         raise NotImplementedError
@@ -115,23 +74,6 @@ class _Tendons(_Coupling):
         return float(data.ten_length[self._second_id]) - self._zero, float(data.ten_velocity[self._second_id])
 
 
-def _ends(model: mujoco.MjModel, equality: Equality) -> tuple[Point, Point]:
-    """The anchors of a connect or weld."""
-    first, second = (
-        Point(body, equality.sites[end] if equality.sites else None, tuple(equality.anchor(model, end).tolist()))
-        for end, body in enumerate(equality.bodies)
-    )
-    return first, second
-
-
-def _weld(model: mujoco.MjModel, equality: Equality) -> _Weld:
-    if equality.sites:
-        turns = model.site_quat[equality.sites[0]].tolist(), model.site_quat[equality.sites[1]].tolist()
-    else:
-        turns = model.eq_data[equality.index, 6:10].tolist(), (1.0, 0.0, 0.0, 0.0)
-    return _Weld(_ends(model, equality), turns, float(model.eq_data[equality.index, 10]))
-
-
 class Curvature:
     """J̇v of the active rows: connect, weld, joint and tendon equalities.
 
@@ -140,23 +82,20 @@ class Curvature:
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
-        self._rows: dict[int, _Rows] = {}
+        self._couplings: dict[int, _Coupling] = {}
         self._unknown: dict[int, Equality] = {}
         for equality in equalities(model):
             index = equality.index
-            if equality.kind == "connect":
-                self._rows[index] = _Connect(_ends(model, equality))
-            elif equality.kind == "weld":
-                self._rows[index] = _weld(model, equality)
-            elif equality.kind == "joint":
-                self._rows[index] = _Joints(model, index)
+            if equality.kind == "joint":
+                self._couplings[index] = _Joints(model, index)
             elif equality.kind == "tendon":
-                self._rows[index] = _Tendons(model, index)
-            else:
+                self._couplings[index] = _Tendons(model, index)
+            elif equality.kind not in ("connect", "weld"):
                 self._unknown[index] = equality
                 if data.eq_active[index]:
                     self._refuse(index)
-        self._kinematics = Kinematics(model, (body for rows in self._rows.values() for body in rows.bodies))
+        bodies = [body for coupling in self._couplings.values() for body in coupling.bodies]
+        self._kinematics = Kinematics(model, bodies)
 
     def _refuse(self, index: int) -> NoReturn:
         equality = self._unknown[index]
@@ -173,24 +112,14 @@ class Curvature:
         Raises:
             InputError: an equality of another kind was switched on, or a tendon's length has no second derivative.
         """
+        ne = data.ne
+        stiffness, damping, impedance, _ = data.efc_KBIP[:ne].T
+        out[:] = -damping * data.efc_vel[:ne] - stiffness * impedance * data.efc_pos[:ne] - data.efc_aref[:ne]
+        if not self._couplings and not self._unknown:
+            return
         self._kinematics.read(data)
-        owners = data.efc_id[: data.ne].tolist()
-        bends: list[float] = []
-        while len(bends) < len(owners):
-            index = owners[len(bends)]
-            rows = self._rows.get(index)
-            if rows is None:
-                self._refuse(index)
-            bends += rows.bends(data, self._kinematics)
-        out[:] = bends
-
-
-def curvature_from_reference(data: mujoco.MjData) -> np.ndarray:
-    """J̇v (ne) recovered from MuJoCo's own reference acceleration, aref = −B Jv − K d r − J̇v.
-
-    Right for connects and welds since MuJoCo 3.7; MuJoCo leaves the term out for joint and tendon equalities. Used to
-    check ``Curvature``, not in its place.
-    """
-    ne = data.ne
-    stiffness, damping, impedance, _ = data.efc_KBIP[:ne].T
-    return -damping * data.efc_vel[:ne] - stiffness * impedance * data.efc_pos[:ne] - data.efc_aref[:ne]
+        for row, owner in enumerate(data.efc_id[:ne].tolist()):
+            if owner in self._couplings:
+                out[row] = self._couplings[owner].bend(data, self._kinematics)
+            elif owner in self._unknown:
+                self._refuse(owner)

@@ -13,31 +13,11 @@ A spatial acceleration is that of the matter passing c. What accelerates with th
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from oarlock.vectors import Vector, cross, minus, plus
-
-
-@dataclass(frozen=True)
-class Point:
-    """A point fixed on a body: a site, or an offset in the body's own frame, m."""
-
-    body: int
-    site: int | None
-    offset: Vector
-
-    def place(self, data: mujoco.MjData) -> Vector:
-        """In world coordinates, m."""
-        if self.site is not None:
-            x, y, z = data.site_xpos[self.site].tolist()
-            return x, y, z
-        a, b, c, d, e, f, g, h, i = data.xmat[self.body].tolist()
-        u, v, w = self.offset
-        x, y, z = data.xpos[self.body].tolist()
-        return x + (a * u + b * v + c * w), y + (d * u + e * v + f * w), z + (g * u + h * v + i * w)
 
 
 class Kinematics:
@@ -62,6 +42,8 @@ class Kinematics:
 
     def read(self, data: mujoco.MjData) -> None:
         """Takes over the bodies' motion; what is said of them is of this state."""
+        if not self._chain:
+            return
         self._velocities, self._centres = data.cvel.tolist(), data.subtree_com.tolist()
         rates = (data.cdof_dot * data.qvel[:, np.newaxis]).tolist()
         biases = self._biases
@@ -75,11 +57,6 @@ class Kinematics:
     def spin(self, body: int) -> Vector:
         """Angular velocity of a body, world axes, rad/s."""
         x, y, z, *_ = self._velocities[body]
-        return x, y, z
-
-    def spin_bend(self, body: int) -> Vector:
-        """J̇v of the body's rotation, rad/s²."""
-        x, y, z, *_ = self._biases[body]
         return x, y, z
 
     def velocity(self, body: int, place: Vector) -> Vector:
@@ -101,13 +78,6 @@ class Kinematics:
             e + (c * x - a * z) + (r * u - p * w),
             f + (a * y - b * x) + (p * v - q * u),
         )
-
-    def points_apart(self, data: mujoco.MjData, ends: tuple[Point, Point]) -> Vector:
-        """J̇v of p₁ − p₂, m/s²."""
-        first, second = ends
-        x, y, z = self.bend(first.body, first.place(data))
-        u, v, w = self.bend(second.body, second.place(data))
-        return x - u, y - v, z - w
 
     def _centre(self, body: int) -> Vector:
         x, y, z = self._centres[self._roots[body]]

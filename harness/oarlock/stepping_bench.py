@@ -1,7 +1,7 @@
 """What a comparison costs, as ratios to bare ``mj_step`` of the same model and steps: interleaved rounds, medians.
 
-MuJoCo runs with its default Newton solver, its Jacobian and islands as the model asks for them, and its timers running, as
-they do in a process that imported it; beside that in whichever setting of all three is fastest here.
+MuJoCo runs with its default Newton solver, its Jacobian and islands as the model asks for them, and its timers running,
+as they do in a process that imported it; beside that in whichever setting of all three is fastest here.
 """
 
 import statistics

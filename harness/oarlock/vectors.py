@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 
 Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 
 
 def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -50,21 +49,6 @@ def dot(a: Vector, b: Vector) -> float:
 def cross(a: Vector, b: Vector) -> Vector:
     """The product a × b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def conjugate(q: Quaternion) -> Quaternion:
-    """The quaternion q̄."""
-    return q[0], -q[1], -q[2], -q[3]
-
-
-def product(p: Quaternion, q: Quaternion) -> Quaternion:
-    """The product p q of two quaternions."""
-    return (
-        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
-    )
 
 
 def horner(coefficients: Sequence[float], x: float) -> float:

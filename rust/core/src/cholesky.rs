@@ -326,7 +326,7 @@ impl Cholesky {
                     BlockStructure::Rectangular,
                     1.0,
                     Par::Seq,
-                )
+                );
             });
             (0..d).for_each(|k| matrix[(k, k)] += 1.0);
             // All its eigenvalues are at least 1: it has a factor.

@@ -130,7 +130,7 @@ pub fn gemm(rows: usize, inner: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
             MatRef::from_column_major_slice(x, inner, cols),
             1.0,
             Par::Seq,
-        )
+        );
     });
 }
 
@@ -145,7 +145,7 @@ pub fn gemm_tr(rows: usize, inner: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
             MatRef::from_column_major_slice(x, inner, cols),
             1.0,
             Par::Seq,
-        )
+        );
     });
 }
 
@@ -160,7 +160,7 @@ pub fn gemm_outer(n: usize, alpha: f64, x: &[f64], y: &[f64], a: &mut [f64]) {
             MatRef::from_column_major_slice(y, n, cols).transpose(),
             alpha,
             Par::Seq,
-        )
+        );
     });
 }
 
@@ -207,7 +207,7 @@ fn gram_dynamic(n: usize, inner: usize, a: &[f64], c: &mut [f64]) {
                 triangular::BlockStructure::Rectangular,
                 1.0,
                 Par::Seq,
-            )
+            );
         });
     }
     for col in 0..n {

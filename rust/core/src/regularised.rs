@@ -170,7 +170,7 @@ impl Regularised {
                 MatMut::from_column_major_slice_mut(&mut self.next, n, 1),
                 Par::Seq,
                 MemStack::new(&mut self.scratch),
-            )
+            );
         });
         axpy(1.0, &self.x, &mut self.next);
         residual(problem, &self.next, &mut self.next_r);

@@ -32,40 +32,6 @@ pub(crate) fn index(id: c_int) -> usize {
     usize::try_from(id).expect("ids of elements are not negative")
 }
 
-/// A point fixed on a body.
-#[derive(Debug, Clone, Copy)]
-pub struct Point {
-    /// The body.
-    pub body: c_int,
-    /// Where on it.
-    pub fixed: Fixed,
-}
-
-/// What a point is fixed by.
-#[derive(Debug, Clone, Copy)]
-pub enum Fixed {
-    /// A site.
-    Site(usize),
-    /// An offset in the body's own frame, m.
-    Offset(Vector),
-}
-
-impl Point {
-    /// In world coordinates, m.
-    #[must_use]
-    pub fn place(&self, data: &Data) -> Vector {
-        match self.fixed {
-            Fixed::Site(site) => at(data.site_xpos(), site),
-            Fixed::Offset(offset) => {
-                let body = index(self.body);
-                let row = |i| at(data.xmat(), 3 * body + i);
-                let turned = [0, 1, 2].map(|i| sum(row(i).iter().zip(&offset).map(|(a, b)| a * b)));
-                plus(at(data.xpos(), body), turned)
-            }
-        }
-    }
-}
-
 /// Motion of some bodies, and of their points that are, at this moment, at given places.
 #[derive(Debug)]
 pub struct Kinematics {
@@ -119,25 +85,12 @@ impl Kinematics {
         }
     }
 
-    /// J̇v of the body's rotation, rad/s².
-    #[must_use]
-    pub fn spin_bend(&self, body: c_int) -> Vector {
-        at(&self.biases[index(body)], 0)
-    }
-
     /// J̇v of the body's point at a place, m/s².
     #[must_use]
     pub fn bend(&self, data: &Data, body: c_int, place: Vector) -> Vector {
-        let linear = at(&self.biases[index(body)], 1);
-        let spatial = plus(linear, cross(self.spin_bend(body), arm(data, body, place)));
+        let bias = &self.biases[index(body)];
+        let spatial = plus(at(bias, 1), cross(at(bias, 0), arm(data, body, place)));
         plus(spatial, cross(spin(data, body), velocity(data, body, place)))
-    }
-
-    /// J̇v of p₁ − p₂, m/s².
-    #[must_use]
-    pub fn points_apart(&self, data: &Data, ends: &[Point; 2]) -> Vector {
-        let [bend1, bend2] = [0, 1].map(|end| self.bend(data, ends[end].body, ends[end].place(data)));
-        minus(bend1, bend2)
     }
 }
 

@@ -86,6 +86,8 @@ int oarlock_copy_model(const mjModel* model, mjModel** copy, char* message) {
   TRAPPED(message, *copy = api.mj_copyModel(NULL, model));
 }
 
+void oarlock_disable_islands(mjModel* model) { model->opt.disableflags |= mjDSBL_ISLAND; }
+
 void oarlock_delete_model(mjModel* model) { api.mj_deleteModel(model); }
 
 int oarlock_make_data(const mjModel* model, mjData** data, char* message) {
@@ -102,9 +104,9 @@ void oarlock_view_model(const mjModel* m, oarlock_model* view) {
     .body_parentid = m->body_parentid, .body_rootid = m->body_rootid, .body_dofadr = m->body_dofadr,
     .body_dofnum = m->body_dofnum, .jnt_type = m->jnt_type, .jnt_qposadr = m->jnt_qposadr,
     .jnt_dofadr = m->jnt_dofadr, .geom_bodyid = m->geom_bodyid, .site_bodyid = m->site_bodyid,
-    .eq_type = m->eq_type, .eq_obj1id = m->eq_obj1id, .eq_obj2id = m->eq_obj2id, .eq_objtype = m->eq_objtype,
+    .eq_type = m->eq_type, .eq_obj1id = m->eq_obj1id, .eq_obj2id = m->eq_obj2id,
     .tendon_adr = m->tendon_adr, .tendon_num = m->tendon_num, .wrap_type = m->wrap_type,
-    .wrap_objid = m->wrap_objid, .qpos0 = m->qpos0, .geom_size = m->geom_size, .site_quat = m->site_quat,
+    .wrap_objid = m->wrap_objid, .qpos0 = m->qpos0, .geom_size = m->geom_size,
     .eq_data = m->eq_data, .eq_active0 = m->eq_active0, .tendon_length0 = m->tendon_length0, .wrap_prm = m->wrap_prm,
     .extent = m->stat.extent, .center = {m->stat.center[0], m->stat.center[1], m->stat.center[2]},
   };
@@ -116,8 +118,8 @@ const char* oarlock_name(const mjModel* m, int type, int id) { return api.mj_id2
 void oarlock_view_data(mjData* d, oarlock_data* view) {
   *view = (oarlock_data){
     .time = &d->time, .energy = d->energy, .qpos = d->qpos, .qvel = d->qvel, .act = d->act, .ctrl = d->ctrl,
-    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth, .inverse_diagonal = d->qLDiagInv, .xpos = d->xpos,
-    .xquat = d->xquat, .xmat = d->xmat, .cvel = d->cvel, .cdof_dot = d->cdof_dot,
+    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth,
+    .inverse_diagonal = d->qLDiagInv, .cvel = d->cvel, .cdof_dot = d->cdof_dot,
     .subtree_com = d->subtree_com, .geom_xpos = d->geom_xpos, .geom_xmat = d->geom_xmat, .site_xpos = d->site_xpos,
     .ten_length = d->ten_length, .ten_velocity = d->ten_velocity, .wrap_xpos = d->wrap_xpos,
     .ten_wrapadr = d->ten_wrapadr, .ten_wrapnum = d->ten_wrapnum, .wrap_obj = d->wrap_obj,
@@ -129,7 +131,8 @@ void oarlock_view_rows(mjData* d, oarlock_rows* view) {
   *view = (oarlock_rows){
     .ne = d->ne, .nefc = d->nefc, .njacobian = d->nJ, .nisland = d->nisland, .id = d->efc_id,
     .rownnz = d->efc_J_rownnz, .rowadr = d->efc_J_rowadr, .colind = d->efc_J_colind, .jacobian = d->efc_J,
-    .pos = d->efc_pos, .vel = d->efc_vel, .aref = d->efc_aref, .softness = d->efc_R, .force = d->efc_force,
+    .pos = d->efc_pos, .vel = d->efc_vel, .aref = d->efc_aref, .softness = d->efc_R,
+    .law = d->efc_KBIP, .force = d->efc_force,
   };
 }
 

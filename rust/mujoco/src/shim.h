@@ -14,17 +14,17 @@ typedef struct {
   int64_t sparse, integrator;
   double timestep;
   const int *body_parentid, *body_rootid, *body_dofadr, *body_dofnum, *jnt_type, *jnt_qposadr, *jnt_dofadr;
-  const int *geom_bodyid, *site_bodyid, *eq_type, *eq_obj1id, *eq_obj2id, *eq_objtype, *tendon_adr, *tendon_num;
+  const int *geom_bodyid, *site_bodyid, *eq_type, *eq_obj1id, *eq_obj2id, *tendon_adr, *tendon_num;
   const int *wrap_type, *wrap_objid;
   const mjtBool* eq_active0;
-  const double *qpos0, *geom_size, *site_quat, *eq_data, *tendon_length0, *wrap_prm;
+  const double *qpos0, *geom_size, *eq_data, *tendon_length0, *wrap_prm;
   double extent, center[3];
 } oarlock_model;
 
 // The arrays of mjData that stay where they are.
 typedef struct {
   double *time, *energy, *qpos, *qvel, *act, *ctrl, *qacc, *qfrc_constraint;
-  const double *qfrc_smooth, *qacc_smooth, *inverse_diagonal, *xpos, *xquat, *xmat, *cvel, *cdof_dot;
+  const double *qfrc_smooth, *qacc_smooth, *inverse_diagonal, *cvel, *cdof_dot;
   const double *subtree_com, *geom_xpos, *geom_xmat, *site_xpos, *ten_length, *ten_velocity, *wrap_xpos;
   const int *ten_wrapadr, *ten_wrapnum, *wrap_obj, *solver_niter;
 } oarlock_data;
@@ -33,7 +33,7 @@ typedef struct {
 typedef struct {
   int64_t ne, nefc, njacobian, nisland;
   const int *id, *rownnz, *rowadr, *colind;
-  const double *jacobian, *pos, *vel, *aref, *softness;
+  const double *jacobian, *pos, *vel, *aref, *softness, *law;
   double *force;
 } oarlock_rows;
 

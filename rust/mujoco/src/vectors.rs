@@ -4,9 +4,6 @@
 /// Three numbers.
 pub type Vector = [f64; 3];
 
-/// A quaternion, the scalar first.
-pub type Quaternion = [f64; 4];
-
 /// Σ of products, from left to right.
 pub fn sum(products: impl Iterator<Item = f64>) -> f64 {
     // −0 + x is x, for −0 too.
@@ -77,23 +74,6 @@ pub fn dot(a: Vector, b: Vector) -> f64 {
 #[must_use]
 pub fn cross(a: Vector, b: Vector) -> Vector {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-/// q̄.
-#[must_use]
-pub fn conjugate(q: Quaternion) -> Quaternion {
-    [q[0], -q[1], -q[2], -q[3]]
-}
-
-/// p q.
-#[must_use]
-pub fn product(p: Quaternion, q: Quaternion) -> Quaternion {
-    [
-        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
-    ]
 }
 
 /// c₀ + c₁ x + c₂ x² + …

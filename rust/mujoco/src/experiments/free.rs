@@ -1,6 +1,7 @@
 //! Everyone walks alone.
 
 use std::mem;
+use std::sync::Arc;
 
 use oarlock_core::Status;
 
@@ -142,8 +143,9 @@ pub fn free_solved(
 ) -> Result<Run, Error> {
     let nv = setup.model.nv();
     let force = SolvedForce::new(setup.state()?, form, solver, nv);
+    let own = Setup { model: Arc::new(setup.model.without_islands()?), ..setup.clone() };
     let experiment = FreeSolved {
-        walker: ForcedWalker::new(setup.data()?, setup.drive.clone(), force, projector)?,
+        walker: ForcedWalker::new(own.data()?, own.drive, force, projector)?,
         theirs: Companion::new(setup)?,
         reference,
         truth: Answer::new(nv),

@@ -65,12 +65,6 @@ arrays! { Data,
     inverse_diagonal: f64 = |d| d.model.nv();
     /// Accelerations without constraints, nv.
     qacc_smooth: f64 = |d| d.model.nv();
-    /// Places of bodies, nbody×3, m.
-    xpos: f64 = |d| 3 * size(d.model.view.nbody);
-    /// Their orientations, nbody×4.
-    xquat: f64 = |d| 4 * size(d.model.view.nbody);
-    /// The same as matrices, nbody×9, row-major.
-    xmat: f64 = |d| 9 * size(d.model.view.nbody);
     /// Angular velocities of bodies and linear ones at their tree's centre of mass, nbody×6.
     cvel: f64 = |d| 6 * size(d.model.view.nbody);
     /// Rates of the joint axes as spatial vectors at their tree's centre of mass, nv×6.
@@ -353,6 +347,13 @@ rows! {
 }
 
 impl Data {
+    /// Stiffness K, damping B, impedance d, and its derivative, of each row, ne.
+    #[must_use]
+    pub fn law(&self) -> &[[f64; 4]] {
+        // SAFETY: as for the other rows, four numbers each.
+        unsafe { array(self.rows.law.cast(), self.ne()) }
+    }
+
     /// MuJoCo's multipliers, nefc.
     #[must_use]
     pub fn force(&self) -> &[f64] {

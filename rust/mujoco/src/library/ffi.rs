@@ -32,7 +32,6 @@ pub(super) struct ModelView {
     pub(super) eq_type: *const c_int,
     pub(super) eq_obj1id: *const c_int,
     pub(super) eq_obj2id: *const c_int,
-    pub(super) eq_objtype: *const c_int,
     pub(super) tendon_adr: *const c_int,
     pub(super) tendon_num: *const c_int,
     pub(super) wrap_type: *const c_int,
@@ -40,7 +39,6 @@ pub(super) struct ModelView {
     pub(super) eq_active0: *const bool,
     pub(super) qpos0: *const f64,
     pub(super) geom_size: *const f64,
-    pub(super) site_quat: *const f64,
     pub(super) eq_data: *const f64,
     pub(super) tendon_length0: *const f64,
     pub(super) wrap_prm: *const f64,
@@ -62,9 +60,6 @@ pub(super) struct DataView {
     pub(super) qfrc_smooth: *const f64,
     pub(super) qacc_smooth: *const f64,
     pub(super) inverse_diagonal: *const f64,
-    pub(super) xpos: *const f64,
-    pub(super) xquat: *const f64,
-    pub(super) xmat: *const f64,
     pub(super) cvel: *const f64,
     pub(super) cdof_dot: *const f64,
     pub(super) subtree_com: *const f64,
@@ -96,6 +91,7 @@ pub(super) struct RowsView {
     pub(super) vel: *const f64,
     pub(super) aref: *const f64,
     pub(super) softness: *const f64,
+    pub(super) law: *const f64,
     pub(super) force: *mut f64,
 }
 
@@ -113,6 +109,7 @@ unsafe extern "C" {
         copy: *mut *mut c_void,
         message: *mut c_char,
     ) -> c_int;
+    pub(super) fn oarlock_disable_islands(model: *mut c_void);
     pub(super) fn oarlock_delete_model(model: *mut c_void);
     pub(super) fn oarlock_make_data(
         model: *const c_void,

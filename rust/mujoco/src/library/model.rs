@@ -4,8 +4,8 @@ use std::ffi::{CStr, c_int, c_void};
 use std::ptr::{self, NonNull};
 
 use super::ffi::{
-    ModelView, oarlock_copy_model, oarlock_delete_model, oarlock_differentiate, oarlock_integrate,
-    oarlock_name, oarlock_view_model,
+    ModelView, oarlock_copy_model, oarlock_delete_model, oarlock_differentiate, oarlock_disable_islands,
+    oarlock_integrate, oarlock_name, oarlock_view_model,
 };
 use super::{OPENED, array, arrays, size, trapped};
 use crate::error::Error;
@@ -53,8 +53,6 @@ arrays! { Model,
     eq_obj1id: c_int = |m| size(m.view.neq);
     /// Second one, or −1, neq.
     eq_obj2id: c_int = |m| size(m.view.neq);
-    /// mjtObj of both, neq.
-    eq_objtype: c_int = |m| size(m.view.neq);
     /// Whether each is switched on at first, neq.
     eq_active0: bool = |m| size(m.view.neq);
     /// First piece of each tendon's path, ntendon.
@@ -69,8 +67,6 @@ arrays! { Model,
     qpos0: f64 = |m| size(m.view.nq);
     /// ngeom×3.
     geom_size: f64 = |m| 3 * size(m.view.ngeom);
-    /// nsite×4.
-    site_quat: f64 = |m| 4 * size(m.view.nsite);
     /// neq×[`EQ_DATA`].
     eq_data: f64 = |m| EQ_DATA * size(m.view.neq);
     /// ntendon.
@@ -148,6 +144,18 @@ impl Model {
             )));
         }
         Ok(model)
+    }
+
+    /// A copy that does not look for islands, which only MuJoCo's constraint solver asks for.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`]: there is no memory for it.
+    pub fn without_islands(&self) -> Result<Self, Error> {
+        // SAFETY: `self` is a model of this library, and nothing writes to it.
+        let copy = unsafe { Self::copy_of(self.raw.as_ptr() as usize) }?;
+        // SAFETY: nobody else knows the copy yet.
+        unsafe { oarlock_disable_islands(copy.raw.as_ptr()) };
+        Ok(copy)
     }
 
     /// Name of an element, or its number in `#` form where it has none.
