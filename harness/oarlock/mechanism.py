@@ -1,5 +1,6 @@
 """A MuJoCo model made ready for comparison: integrator, solver and softness set, hazards switched off."""
 
+import copy
 import re
 import warnings
 from collections.abc import Iterator
@@ -152,6 +153,17 @@ def prepare(
     return model
 
 
+def unsolved(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy of a prepared model for walks on which MuJoCo's constraint solver is not asked.
+
+    Without what only that solver needs: islands, and a Jacobian that is dense whatever its size.
+    """
+    model = copy.copy(model)
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_AUTO
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    return model
+
+
 def load_mechanism(
     case: Case,
     *,
@@ -176,15 +188,19 @@ def load_mechanism(
 
 
 def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """J of all constraint rows, (nefc, nv), a view of MuJoCo's arena; the model's Jacobian is dense.
+    """J of all constraint rows, (nefc, nv); a view of MuJoCo's arena where the model's Jacobian is dense.
 
     MuJoCo makes room for rows that it then leaves out because they are zero: the array may be longer than J.
     """
+    if mujoco.mj_isSparse(model):
+        dense = np.zeros((data.nefc, model.nv))
+        mujoco.mju_sparse2dense(dense, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+        return dense
     return data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)
 
 
 def closing_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """J of the equality rows, (ne, nv); those of limits and contacts come after them. A view as of ``jacobian``."""
+    """J of the equality rows, (ne, nv); those of limits and contacts come after them. As ``jacobian``."""
     return jacobian(model, data)[: data.ne]
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from oarlock._core import MultiplierSolver
 from oarlock.case_file import Baumgarte, Form
 from oarlock.errors import DiskError, InputError, RefusedError, one_line
+from oarlock.mechanism import unsolved
 from oarlock.metrics import Energy, against_mujoco, drift, largest, projecting, solving
 from oarlock.projection import Projector
 from oarlock.results import Recorder
@@ -217,11 +218,12 @@ class PythonPath:
     def _free_solved(self, solver: SolverSpec, form: Form, projector: SolverSpec | None) -> Tables:
         setup = self._setup
         theirs = Companion(setup)
-        data = setup.data()
-        state = self._state(data)
+        model = unsolved(setup.model)
+        data = setup.data(model)
+        state = State(model, data, self._terms)
         force = SolvedForce(state, form, self._make(solver))
-        last = self._projector(projector)
-        walker = ForcedWalker(setup.model, data, setup.drive, force, last)
+        last = Projector(model, solver=projector) if projector else None
+        walker = ForcedWalker(model, data, setup.drive, force, last)
         reference_solver = self._make(SolverSpec(REFERENCE))
         energy = Energy(setup.model)
         recorder = self._recorder()

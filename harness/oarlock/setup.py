@@ -82,9 +82,9 @@ class Setup:
             places = dict(zip(names, self._places(shown).T, strict=True))
             self.truth = pl.DataFrame({"time_s": shown * self.timestep_s, **places})
 
-    def data(self) -> mujoco.MjData:
-        """A fresh data at the start."""
-        data = mujoco.MjData(self.model)
+    def data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
+        """A fresh data at the start, of the model itself or of a copy."""
+        data = mujoco.MjData(model or self.model)
         data.qpos[:], data.qvel[:] = self.start.qpos, self.start.qvel
         return data
 

@@ -69,12 +69,7 @@ class _Track:
             if name != "auto"
             for without, switches in _SWITCHES.items()
         }
-        exact = {
-            f"exact free run, {solver}{', sparse Jacobian' if name == 'sparse' else ''}": self._free(solver, jacobian)
-            for solver in ("auto", "sr1-tracked")
-            for name, jacobian in _JACOBIANS.items()
-            if name != "auto"
-        }
+        exact = {f"exact free run, {solver}": self._free(solver) for solver in ("auto", "sr1-tracked")}
         return {
             BARE: self._bare(_JACOBIANS["auto"]),
             **bare,
@@ -102,8 +97,8 @@ class _Track:
         core = self._path(self._setup(jacobian, islands)).core
         return lambda: self._timed(partial(core.bare(self.steps).walk, timers))
 
-    def _free(self, solver: str, jacobian: mujoco.mjtJacobian) -> Contender:
-        core = self._path(self._setup(jacobian)).core
+    def _free(self, solver: str) -> Contender:
+        core = self._path(self._setup()).core
         own, reference = self._make(SolverSpec(solver)), self._make(SolverSpec(REFERENCE))
         return lambda: self._timed(core.free_solved(self.steps, "hard", own, reference).walk)
 

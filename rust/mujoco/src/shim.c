@@ -86,7 +86,10 @@ int oarlock_copy_model(const mjModel* model, mjModel** copy, char* message) {
   TRAPPED(message, *copy = api.mj_copyModel(NULL, model));
 }
 
-void oarlock_disable_islands(mjModel* model) { model->opt.disableflags |= mjDSBL_ISLAND; }
+void oarlock_leave_unsolved(mjModel* model) {
+  model->opt.jacobian = mjJAC_AUTO;
+  model->opt.disableflags |= mjDSBL_ISLAND;
+}
 
 void oarlock_delete_model(mjModel* model) { api.mj_deleteModel(model); }
 

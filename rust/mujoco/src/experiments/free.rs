@@ -143,7 +143,7 @@ pub fn free_solved(
 ) -> Result<Run, Error> {
     let nv = setup.model.nv();
     let force = SolvedForce::new(setup.state()?, form, solver, nv);
-    let own = Setup { model: Arc::new(setup.model.without_islands()?), ..setup.clone() };
+    let own = Setup { model: Arc::new(setup.model.unsolved()?), ..setup.clone() };
     let experiment = FreeSolved {
         walker: ForcedWalker::new(own.data()?, own.drive, force, projector)?,
         theirs: Companion::new(setup)?,

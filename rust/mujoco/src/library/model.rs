@@ -4,8 +4,8 @@ use std::ffi::{CStr, c_int, c_void};
 use std::ptr::{self, NonNull};
 
 use super::ffi::{
-    ModelView, oarlock_copy_model, oarlock_delete_model, oarlock_differentiate, oarlock_disable_islands,
-    oarlock_integrate, oarlock_name, oarlock_view_model,
+    ModelView, oarlock_copy_model, oarlock_delete_model, oarlock_differentiate, oarlock_integrate,
+    oarlock_leave_unsolved, oarlock_name, oarlock_view_model,
 };
 use super::{OPENED, array, arrays, size, trapped};
 use crate::error::Error;
@@ -146,15 +146,19 @@ impl Model {
         Ok(model)
     }
 
-    /// A copy that does not look for islands, which only MuJoCo's constraint solver asks for.
+    /// A copy for walks on which MuJoCo's constraint solver is not asked: without what only that solver needs, islands and a
+    /// Jacobian that is dense whatever its size.
     ///
     /// # Errors
     /// [`Error::Mujoco`]: there is no memory for it.
-    pub fn without_islands(&self) -> Result<Self, Error> {
+    pub fn unsolved(&self) -> Result<Self, Error> {
         // SAFETY: `self` is a model of this library, and nothing writes to it.
-        let copy = unsafe { Self::copy_of(self.raw.as_ptr() as usize) }?;
+        let mut copy = unsafe { Self::copy_of(self.raw.as_ptr() as usize) }?;
         // SAFETY: nobody else knows the copy yet.
-        unsafe { oarlock_disable_islands(copy.raw.as_ptr()) };
+        unsafe {
+            oarlock_leave_unsolved(copy.raw.as_ptr());
+            oarlock_view_model(copy.raw.as_ptr(), &raw mut copy.view);
+        }
         Ok(copy)
     }
 
