@@ -27,14 +27,17 @@ impl Spans {
         if self.whole() {
             return rows.iter().fold(true, |finite, entry| finite & entry.is_finite());
         }
-        let (mut inside, mut finite) = (0, true);
-        for (index, row) in rows.chunks_exact(self.width).enumerate() {
-            for entry in self.cut(index, row) {
-                inside += u64::from(*entry != 0.0);
-                finite &= entry.is_finite();
+        // A pass over all of J, for which the processor's widest vectors are worth asking.
+        pulp::Arch::new().dispatch(|| {
+            let (mut inside, mut finite) = (0, true);
+            for (index, row) in rows.chunks_exact(self.width).enumerate() {
+                for entry in self.cut(index, row) {
+                    inside += u64::from(*entry != 0.0);
+                    finite &= entry.is_finite();
+                }
             }
-        }
-        finite && inside == rows.iter().map(|entry| u64::from(*entry != 0.0)).sum::<u64>()
+            finite && inside == rows.iter().map(|entry| u64::from(*entry != 0.0)).sum::<u64>()
+        })
     }
 
     /// Finds the spans; those that are `known` to hold are only trimmed. Whether they changed.
