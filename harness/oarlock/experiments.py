@@ -4,10 +4,12 @@ They are walked on the native path or on the Python path.
 """
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import Literal
 
 import polars as pl
@@ -30,6 +32,10 @@ Stepping = Literal["auto", "native", "python"]
 """Which path steps; ``auto`` is the native one where it can be taken."""
 
 STEPPINGS: list[Stepping] = ["auto", "native", "python"]
+
+
+Walk = Callable[[], list[RunResult]]
+"""One walk of an experiment, ready to go: gives the runs of all who answer along it."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,10 @@ def run_key(
     )
 
 
+class _StoppedError(Exception):
+    """The runs beside this one came to an end that is also its own."""
+
+
 class Laboratory:
     """Runs the tasks of one case; with a time constant or a disturbed start of ``Setup`` where they are given.
 
@@ -88,7 +98,8 @@ class Laboratory:
         self._solref_s, self._seed = solref_s, seed
         self._ignoring = ignore_inequalities
         self._timestep_s, self._duration_s = timestep_s, duration_s
-        self._tick = tick
+        self._listener = tick
+        self._stopped = Event()
         # Not always the system's own folder: that may be memory, and where the results go there must be room anyway.
         self._spools: Spools = partial(spools, schema=SCHEMA, folder=folder)
         self._truth = load_truth(case) if seed is None else None  # it knows the case's own start only
@@ -114,37 +125,75 @@ class Laboratory:
         Raises:
             InputError: the model or the task cannot be run as asked.
         """
+        for walk in self._walks(task):
+            yield from walk()
+
+    def run_all(self, tasks: list[Task], threads: int) -> Iterator[RunResult]:
+        """The runs of many tasks in their order, natively on so many threads at once; each as soon as it is its turn.
+
+        Raises:
+            InputError: as ``run``; what comes before is given out first.
+        """
+        if threads == 1 or self._on_python():
+            for task in tasks:
+                yield from self.run(task)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            # Setting up is not for threads: MuJoCo's warnings go through one hook of the process.
+            walks = [pool.submit(walk) for task in tasks for walk in self._walks(task)]
+            try:
+                for walk in walks:
+                    yield from walk.result()
+            finally:
+                self._stopped.set()
+                pool.shutdown(cancel_futures=True)
+
+    def _tick(self, steps: int) -> None:
+        if self._stopped.is_set():
+            raise _StoppedError
+        self._listener(steps)
+
+    def _walks(self, task: Task) -> Iterator[Walk]:
         setup = self.setup(task.integrator, task.settings)
         path = self._path(task, setup)
 
-        def results(names: list[tuple[str, Form | None]], tables: list[Spool], message: str):
-            for (solver, form), steps in zip(names, tables, strict=True):
-                yield self._result(task, setup, path.name, solver, form, steps, message)
+        def walk(names: list[tuple[str, Form | None]], go: Callable[[], tuple[list[Spool], str]]) -> list[RunResult]:
+            tables, message = go()
+            return [
+                self._result(task, setup, path.name, solver, form, steps, message)
+                for (solver, form), steps in zip(names, tables, strict=True)
+            ]
 
         pairs: list[tuple[str, Form | None]] = [(str(spec), form) for form in task.forms for spec in task.solvers]
         if task.mode == "calibration":
-            yield from results([(MUJOCO, None)], *path.calibration())
+            yield partial(walk, [(MUJOCO, None)], path.calibration)
         elif task.mode == "lockstep":
             projector = self._projector(task, "hard")
-            yield from results(pairs, *path.lockstep(task.walker, projector, task.forms, task.solvers))
+            yield partial(walk, pairs, partial(path.lockstep, task.walker, projector, task.forms, task.solvers))
         elif task.mode == "one-step":
-            yield from results(pairs, *path.one_step(task.forms, task.solvers))
+            yield partial(walk, pairs, partial(path.one_step, task.forms, task.solvers))
         else:
             for spec in task.solvers:
                 for form in (None,) if spec.name == MUJOCO else task.forms:
-                    tables = path.free(spec, form, self._projector(task, form))
-                    yield from results([(str(spec), form)], *tables)
+                    yield partial(
+                        walk, [(str(spec), form)], partial(path.free, spec, form, self._projector(task, form))
+                    )
+
+    def _on_python(self) -> bool:
+        """Whether steps are taken on the Python path; says why where that was not asked for."""
+        if self._stepping == "python":
+            return True
+        refusal = native_path.refusal()
+        if refusal and self._stepping == "native":
+            raise InputError(f"no native stepping: {refusal}")
+        if refusal:
+            warnings.warn(f"stepping in Python, which is slower: {refusal}", stacklevel=2)
+        return bool(refusal)
 
     def _path(self, task: Task, setup: Setup) -> NativePath | PythonPath:
         terms = Baumgarte() if task.stabilisation == "projection" else self.case.file.baumgarte
-        if self._stepping != "python":
-            refusal = native_path.refusal()
-            if not refusal:
-                return NativePath(setup, terms, self._make, self._tick, self._spools)
-            if self._stepping == "native":
-                raise InputError(f"no native stepping: {refusal}")
-            warnings.warn(f"stepping in Python, which is slower: {refusal}", stacklevel=2)
-        return PythonPath(setup, terms, self._make, self._tick, self._spools)
+        kind = PythonPath if self._on_python() else NativePath
+        return kind(setup, terms, self._make, self._tick, self._spools)
 
     def _make(self, spec: SolverSpec) -> MultiplierSolver:
         return spec.with_defaults(rank_cut=self.case.file.rank_cut).make()

@@ -5,7 +5,9 @@ and commit go to ``timings.json``, ``provenance.json`` and the HTML page, which 
 report on the same machine and versions leaves the tracked files as they were.
 """
 
+import contextlib
 import functools
+import hashlib
 import json
 import os
 import re
@@ -248,8 +250,20 @@ def page(
 
 @functools.cache
 def _library() -> str:
-    """The chart library, which takes a second to bundle."""
-    return vl_convert.javascript_bundle(_EMBED)
+    """The chart library, which takes a second to bundle: once for every version, where the user's caches are."""
+    home = os.environ.get("XDG_CACHE_HOME")
+    folder = (Path(home) if home else Path.home() / ".cache") / "oarlock"
+    kept = folder / f"charts-{vl_convert.__version__}-{hashlib.sha256(_EMBED.encode()).hexdigest()[:16]}.js"
+    try:
+        return kept.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        bundle = vl_convert.javascript_bundle(_EMBED)
+    with contextlib.suppress(OSError):  # a cache that cannot be written is none
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=folder, delete=False) as file:
+            file.write(bundle)
+        os.replace(file.name, kept)
+    return bundle
 
 
 def render(template: str, **values: Any) -> str:

@@ -21,6 +21,7 @@ from oarlock.results import ResultFolder, RunResult, uninterrupted
 from oarlock.setup import Setup
 from oarlock.sketch import sketch, traced
 from oarlock.solvers import MUJOCO, SolverSpec
+from oarlock.workers import cores
 
 FORMS: dict[str, list[Form]] = {"matched": ["matched"], "hard": ["hard"], "both": ["matched", "hard"]}
 MODES: dict[str, list[Mode]] = {
@@ -197,6 +198,7 @@ def run(
     stepping: str = "auto",
     out: Path | None = None,
     progress: Progress | None = None,
+    threads: int | None = None,
 ) -> Results:
     """Cross-validates a model against MuJoCo.
 
@@ -217,6 +219,7 @@ def run(
             MuJoCo is of the version that they were built against.
         out: folder that keeps the tables; every run is written as soon as it is finished.
         progress: listens.
+        threads: native runs at once; as many as there are cores if left out. Times of solves are best taken with one.
 
     Raises:
         InputError: bad input; finished runs are kept.
@@ -253,10 +256,9 @@ def run(
     model_found = describe(setup)
     results.verdicts += expectations(case, model_found)
     keeper = _Keeper(results, setup, model_found, ResultFolder(out) if out else None)
-    for task in tasks:
-        for result in laboratory.run(task):
-            keeper.keep(result)
-            progress.finished(results.rows[-1])
+    for result in laboratory.run_all(tasks, threads or cores()):
+        keeper.keep(result)
+        progress.finished(results.rows[-1])
     # Bounds hold for the discretisation and the parameters that they were set for.
     own = timestep_s in (None, case.file.run.timestep_s) and duration_s in (None, case.file.run.duration_s)
     own = own and case.listed

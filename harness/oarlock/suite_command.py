@@ -1,6 +1,5 @@
 """``oarlock suite``: progress, what it says, and its exit status."""
 
-import os
 import sys
 from collections.abc import Sequence
 from contextlib import closing
@@ -15,7 +14,7 @@ from oarlock.errors import few
 from oarlock.pages import write_pages, write_sweep_pages
 from oarlock.suite import Listener, Suite, carry_out, failed, plan_suite, status_of
 from oarlock.sweep import TABLE, parse_axes
-from oarlock.workers import LocalWorkers, Workers
+from oarlock.workers import LocalWorkers, Workers, cores
 
 
 class _BarListener(Listener):
@@ -80,16 +79,11 @@ def run_suite(
 def _workers(jobs: int | None, scheduler: str | None) -> tuple[Workers, Workers]:
     """Who does the units and who makes the pages, which are files here."""
     if scheduler is None:
-        local = LocalWorkers(jobs or _cores())
+        local = LocalWorkers(jobs or cores())
         return local, local
     from oarlock.cluster import LOCAL, Cluster
 
-    return Cluster(scheduler, jobs or (_cores() if scheduler == LOCAL else None), _say), LocalWorkers(_cores())
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Cluster(scheduler, jobs or (cores() if scheduler == LOCAL else None), _say), LocalWorkers(cores())
 
 
 def _say(text: str) -> None:
