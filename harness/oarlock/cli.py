@@ -18,6 +18,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from oarlock.console import BAD_INPUT, GATE_FAILED, JsonOption, cell, console, emit_json, ends, say
+from oarlock.diff_command import diff
 from oarlock.errors import InputError, one_line
 from oarlock.explain_command import explain
 from oarlock.run import Progress, Results
@@ -316,6 +317,7 @@ def suite(
         raise typer.Exit(status)
 
 
+app.command()(diff)
 app.command()(explain)
 
 
