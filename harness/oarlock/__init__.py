@@ -1,6 +1,7 @@
 """oarlock: cross-validates closed-chain MuJoCo models.
 
-``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison:
+``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison, ``diff`` what changed
+between two folders of them:
 
     >>> import oarlock
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
@@ -10,6 +11,7 @@
 
 from oarlock._core import VERSION, make_solver
 from oarlock.cases import load_case, model_names, variant_names
+from oarlock.diff import Difference, diff
 from oarlock.errors import InputError
 from oarlock.run import Results, run
 from oarlock.solvers import solver_names
@@ -17,9 +19,11 @@ from oarlock.solvers import solver_names
 __version__ = VERSION
 
 __all__ = [
+    "Difference",
     "InputError",
     "Results",
     "__version__",
+    "diff",
     "load_case",
     "make_solver",
     "model_names",

@@ -1,9 +1,8 @@
 """The command ``oarlock``.
 
-Exit status: 0 all gates held, 1 a gate failed, 2 bad input, 130 interrupted, 141 reader gone.
+Exit status: 0 all gates held, 1 a gate failed or a comparison got worse, 2 bad input, 130 interrupted, 141 reader gone.
 """
 
-import json
 import os
 import sys
 import warnings
@@ -18,15 +17,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as Bar
 from rich.table import Table
 
+from oarlock.console import BAD_INPUT, GATE_FAILED, JsonOption, cell, console, emit_json, ends, say
+from oarlock.diff_command import diff
 from oarlock.errors import InputError, one_line
-from oarlock.results import write_text
+from oarlock.explain_command import explain
 from oarlock.run import Progress, Results
 from oarlock.run import run as run_model
-
-GATE_FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 1, 2, 130, 141
-
-WIDE = 1000
-"""Columns of a table that no terminal shows: wide enough for every reference and tag."""
 
 app = typer.Typer(
     help="Cross-validates closed-chain MuJoCo models: exact constraint multipliers against MuJoCo, step by step.",
@@ -35,39 +31,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     add_completion=False,
 )
-
-JsonOption = Annotated[
-    str | None,
-    typer.Option("--json", metavar="FILE|-", help="Write the summary as JSON; - is standard output."),
-]
-
-
-@contextmanager
-def _ends() -> Iterator[None]:
-    """How a command ends that is interrupted or whose reader has gone. typer would give both another status."""
-    try:
-        yield
-        sys.stdout.flush()
-    except KeyboardInterrupt:
-        _say("oarlock: interrupted; the runs that were finished are kept")
-        raise typer.Exit(INTERRUPTED) from None
-    except BrokenPipeError:
-        # Nothing is left to say, not even on closing.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(READER_GONE) from None
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr)
-
-
-def _emit_json(document: Any, target: str) -> None:
-    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    if target == "-":
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    else:
-        write_text(Path(target), text)
 
 
 class _BarProgress(Progress):
@@ -91,10 +54,10 @@ class _BarProgress(Progress):
 @contextmanager
 def _bar() -> Iterator[Progress | None]:
     """A progress bar, where somebody looks at one."""
-    console = Console(stderr=True)
+    stream = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        yield _BarProgress(bar) if console.is_terminal else None
+    with Bar(*columns, console=stream, transient=True, disable=not stream.is_terminal) as bar:
+        yield _BarProgress(bar) if stream.is_terminal else None
 
 
 def _ending(row: dict[str, Any]) -> str:
@@ -114,28 +77,17 @@ _COLUMNS = {
 }
 
 
-def _cell(value: Any) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
 def _print_summary(results: Results) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False)
     for title in _COLUMNS.values():
         table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
     for row in results.rows:
-        table.add_row(*(_cell(row[name]) for name in _COLUMNS))
-    _console().print(table)
-
-
-def _console() -> Console:
-    """Standard output. Without a terminal a table must not be cut to the width of one."""
-    return Console() if sys.stdout.isatty() else Console(width=WIDE)
+        table.add_row(*(cell(row[name]) for name in _COLUMNS))
+    console().print(table)
 
 
 @app.command("list")
-@_ends()
+@ends()
 def list_models(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON on standard output.")] = False,
 ) -> None:
@@ -144,7 +96,7 @@ def list_models(
 
     entries = catalogue()
     if as_json:
-        _emit_json(entries, "-")
+        emit_json(entries, "-")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     names = ["name", "title", "nq", "nv", "rows", "rank", "redundancy", "dof"]
@@ -153,12 +105,12 @@ def list_models(
     for name in names:
         table.add_column(name, no_wrap=name != "title")
     for entry in entries:
-        table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else _cell(v) for name in names))
-    _console().print(table)
+        table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else cell(v) for name in names))
+    console().print(table)
 
 
 @app.command()
-@_ends()
+@ends()
 def run(
     model: Annotated[
         str, typer.Argument(metavar="MODEL[:key=value,…]|FILE.xml", help="A model's name, or any MJCF file.")
@@ -207,19 +159,19 @@ def run(
             progress=progress,
         )
     if as_json:
-        _emit_json(results.document(), as_json)
+        emit_json(results.document(), as_json)
     if as_json != "-":
         _print_summary(results)
     if "inequalities_ignored" in results.provenance:
-        _say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
+        say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
     for row in results.rows:
         if row["status"] != "done":
-            _say(f"oarlock: run {row['run']} {row['status']}: {_ending(row)}")
+            say(f"oarlock: run {row['run']} {row['status']}: {_ending(row)}")
     for verdict in results.failures:
-        _say(f"oarlock: gate failed: {verdict.line()}")
+        say(f"oarlock: gate failed: {verdict.line()}")
     unchecked = sum(verdict.held is None for verdict in results.verdicts)
     if unchecked:
-        _say(
+        say(
             f"oarlock: {unchecked} gate(s) of the case not checked: "
             "no run at the case's own parameters, timestep and duration"
         )
@@ -228,7 +180,7 @@ def run(
 
 
 @app.command()
-@_ends()
+@ends()
 def new(
     name: Annotated[str, typer.Argument(help="Name of the model and of its folder.")],
     file: Annotated[Path, typer.Argument(metavar="FILE.xml", help="Any MJCF file whose loops are closed.")],
@@ -252,7 +204,7 @@ def new(
 
 
 @app.command()
-@_ends()
+@ends()
 def report(
     results: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that 'oarlock run --out' wrote.")],
     to: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder for the report [default: DIR/report].")] = None,
@@ -265,7 +217,7 @@ def report(
 
 
 @app.command()
-@_ends()
+@ends()
 def bench(
     size: Annotated[
         list[int] | None, typer.Option(metavar="N", help="Solvers only: rows, a multiple of 6; may be repeated.")
@@ -290,7 +242,7 @@ def bench(
         if as_json != "-":
             _print_stepping_bench(table)
     if as_json:
-        _emit_json(benchmark.document(rows, steps), as_json)
+        emit_json(benchmark.document(rows, steps), as_json)
 
 
 def _print_stepping_bench(rows: list[dict[str, Any]]) -> None:
@@ -320,7 +272,7 @@ def _print_bench(rows: list[dict[str, Any]]) -> None:
 
 
 @app.command()
-@_ends()
+@ends()
 def suite(
     models: Annotated[
         list[str] | None,
@@ -360,19 +312,23 @@ def suite(
         models or [], jobs=jobs, scheduler=scheduler, out=out, report=target, fresh=fresh, sweep=sweep or ()
     )
     if as_json:
-        _emit_json(document, as_json)
+        emit_json(document, as_json)
     if status:
         raise typer.Exit(status)
 
 
+app.command()(diff)
+app.command()(explain)
+
+
 def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
-    warnings.showwarning = lambda message, *_: _say(f"oarlock: {one_line(message)}")
+    warnings.showwarning = lambda message, *_: say(f"oarlock: {one_line(message)}")
     try:
         app(standalone_mode=True)
     except InputError as error:
-        _say(f"oarlock: {one_line(error)}")
+        say(f"oarlock: {one_line(error)}")
         sys.exit(BAD_INPUT)
     except OSError as error:
-        _say(f"oarlock: {one_line(error)}")
+        say(f"oarlock: {one_line(error)}")
         sys.exit(BAD_INPUT)
