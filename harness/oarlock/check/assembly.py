@@ -77,6 +77,11 @@ class Assembly:
         self._start_of = np.zeros(model.neq, dtype=int)
         self._start_of[[one.index for one in active]] = self.starts
 
+    def rows_of_all(self, numbers: list[int]) -> np.ndarray:
+        """The rows of several of ``equalities``, one after the other."""
+        every = np.arange(len(self.rows))
+        return np.concatenate([every[:0], *(every[self.rows_of(number)] for number in numbers)])
+
     def rows_of(self, number: int) -> slice:
         """The rows of one of ``equalities``."""
         return slice(self.starts[number], self.starts[number] + self.equalities[number].rows)
@@ -89,6 +94,12 @@ class Assembly:
     def close(self) -> bool:
         """Closes the present pose, see ``closing.close``."""
         return close(self.model, self.data, None)
+
+    def difference(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """What leads from one pose (nq) to another, (nv), rad or m."""
+        found = np.zeros(self.model.nv)
+        mujoco.mj_differentiatePos(self.model, found, 1.0, before, after)
+        return found
 
     def at_rows(self) -> np.ndarray:
         """Where MuJoCo's present rows (ne) stand among ``rows``."""
@@ -112,4 +123,12 @@ class Assembly:
         found = np.zeros_like(jacobian)
         if len(jacobian):
             mujoco.mj_solveM2(self.model, self.data, found, jacobian, np.sqrt(self.data.qLDiagInv))
+        return found
+
+    def whitened_along(self, qpos: np.ndarray) -> np.ndarray:
+        """The same of many poses (T, nq): (T, n, nv)."""
+        found = np.zeros((len(qpos), len(self.rows), self.model.nv))
+        for at, pose in enumerate(qpos):
+            self.place(pose)
+            found[at] = self.whitened(self.jacobian())
         return found

@@ -133,25 +133,17 @@ class _View:
         self.assembly, self.rank = assembly, rank
         self.owners: list[Equality] = [one for one in assembly.equalities for _ in range(one.rows)]
         some = qpos[np.unique(np.linspace(0, len(qpos) - 1, 10 * PROJECTED).astype(int))]
-        stack = self._stack(some)
+        stack = assembly.whitened_along(some)
         self._scales = row_scales(stack, assembly.blocks)
         lengths = np.linalg.norm(stack, axis=-1).max(axis=0) * self._scales
         self._scales[lengths <= ZERO_ROW] = 0.0
         self._largest = float(np.linalg.norm(self._scales[:, None] * stack, ord=2, axis=(1, 2)).max())
 
-    def _stack(self, qpos: np.ndarray) -> np.ndarray:
-        assembly = self.assembly
-        stack = np.zeros((len(qpos), len(assembly.rows), assembly.model.nv))
-        for at, pose in enumerate(qpos):
-            assembly.place(pose)
-            stack[at] = assembly.whitened(assembly.jacobian())
-        return stack
-
     def along(self, qpos: np.ndarray) -> np.ndarray:
         """Singular values (T, min(n, nv)), descending."""
         size = max(1, _CHUNK // max(1, len(self.assembly.rows) * self.assembly.model.nv))
         parts = [
-            np.linalg.svd(self._scales[:, None] * self._stack(qpos[at : at + size]), compute_uv=False)
+            np.linalg.svd(self._scales[:, None] * self.assembly.whitened_along(qpos[at : at + size]), compute_uv=False)
             for at in range(0, len(qpos), size)
         ]
         return np.concatenate(parts) / self._largest

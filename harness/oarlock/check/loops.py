@@ -1,12 +1,12 @@
 """The loops of a model: its equalities, which of them belong together, and what their rows hold, alone and together."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import mujoco
 import numpy as np
 
 from oarlock.check.assembly import Assembly, Row
+from oarlock.check.paths import Path, Shape, common_shape, path_of, share_dofs
 from oarlock.check.rank import (
     FLOOR,
     Spectrum,
@@ -18,37 +18,13 @@ from oarlock.check.rank import (
 )
 from oarlock.mechanism import Equality, element_name
 
-PARALLEL = 1e-5
-"""rad. Two axes that differ by less are meant to be parallel: six digits of a quaternion are 1e-6."""
-
 ORDERS = 24
 """So many orders of the rows are tried for small dependent sets."""
 
 MOVES = 1e-6
 """Of the largest velocity of a motion that the rows admit: a coordinate with less does not take part."""
 
-Shape = Literal["planar", "spatial", "coupling"]
-
 _JOINT = mujoco.mjtObj.mjOBJ_JOINT
-_BALL, _FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
-_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
-
-
-@dataclass(frozen=True)
-class Path:
-    """The part of the kinematic tree that an equality closes to a loop.
-
-    Attributes:
-        joints: on the way from one end to the other; of a coupling, those that it couples.
-        dofs: theirs.
-        shape: ``planar``: hinges parallel, slides across them; ``spatial``; ``coupling``: a joint or tendon equality.
-        normal: of the plane, world axes (3); None where there is none.
-    """
-
-    joints: tuple[int, ...]
-    dofs: tuple[int, ...]
-    shape: Shape
-    normal: np.ndarray | None
 
 
 @dataclass(frozen=True)
@@ -183,6 +159,14 @@ class Loops:
         """Degrees of freedom of the whole model."""
         return self.nv - self.rank
 
+    def members(self, group: int) -> list[int]:
+        """Numbers of the loops of a group."""
+        return [number for number, loop in enumerate(self.loops) if loop.group == group]
+
+    def dofs(self, group: int) -> list[int]:
+        """Degrees of freedom of the joints of a group."""
+        return sorted({dof for number in self.members(group) for dof in self.loops[number].path.dofs})
+
     @property
     def near_singular(self) -> bool:
         """Whether the rank of a group is doubtful here."""
@@ -207,27 +191,23 @@ def loops_at(assembly: Assembly, closed: bool = True) -> Loops:
     """The loops at an assembly's present pose, whose position stage is valid."""
     model, data = assembly.model, assembly.data
     jacobian = assembly.jacobian()
-    zero = zero_rows(jacobian) if len(jacobian) else np.zeros(0, dtype=bool)
-    whitened = assembly.whitened(jacobian)
-    whitened[zero] = 0.0
-    scales = row_scales(whitened, assembly.blocks)
-    scales[zero] = 0.0
-    scaled = scales[:, None] * whitened
+    scaled, scales = scaled_rows(assembly, jacobian)
+    zero = scales == 0.0
     paths = [path_of(model, data, equality) for equality in assembly.equalities]
-    members = _groups(paths)
+    members = share_dofs(paths)
     groups, bases, loops = [], [], {}
     for number, chosen in enumerate(members):
-        rows = np.concatenate([np.arange(len(assembly.rows))[assembly.rows_of(one)] for one in chosen])
+        rows = assembly.rows_of_all(chosen)
         found = spectrum(np.linalg.svd(scaled[rows], compute_uv=False))
         null = null_basis(scaled[rows], found.rank, scales[rows])
         dofs = sorted({dof for one in chosen for dof in paths[one].dofs})
         joints = sorted({joint for one in chosen for joint in paths[one].joints})
         for one in chosen:
-            own = np.isin(rows, np.arange(len(assembly.rows))[assembly.rows_of(one)])
+            own = np.isin(rows, assembly.rows_of_all([one]))
             # The rank without it: its part of null(Jᵀ) has full row rank exactly if nothing is lost.
             lost = int(own.sum()) - _rank_of_part(null[own])
             loops[one] = _loop(assembly, one, paths[one], number, zero, lost)
-        shape, normal = _shape([paths[one] for one in chosen])
+        shape, normal = common_shape([paths[one] for one in chosen])
         groups.append(
             Group(
                 equalities=tuple(assembly.equalities[one].name for one in chosen),
@@ -239,7 +219,7 @@ def loops_at(assembly: Assembly, closed: bool = True) -> Loops:
                 shape=shape,
                 normal=normal,
                 dependencies=_dependencies(assembly, rows, scaled[rows], found.rank, zero[rows]),
-                still=_still(model, jacobian[np.ix_(rows, dofs)] * scales[rows, None], found.rank, dofs, joints),
+                still=_still(model, scales[rows, None] * jacobian[rows][:, dofs], found.rank, dofs, joints),
             )
         )
         whole = np.zeros((len(assembly.rows), null.shape[1]))
@@ -253,6 +233,16 @@ def loops_at(assembly: Assembly, closed: bool = True) -> Loops:
         nv=model.nv,
         null=np.hstack(bases) if bases else np.zeros((0, 0)),
     )
+
+
+def scaled_rows(assembly: Assembly, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of J (n, nv) in the metric of M, scaled by blocks, and their scales (n): 0 of a row that holds nothing."""
+    zero = zero_rows(jacobian) if len(jacobian) else np.zeros(0, dtype=bool)
+    whitened = assembly.whitened(jacobian)
+    whitened[zero] = 0.0
+    scales = row_scales(whitened, assembly.blocks)
+    scales[zero] = 0.0
+    return scales[:, None] * whitened, scales
 
 
 def _rank_of_part(part: np.ndarray) -> int:
@@ -271,92 +261,6 @@ def _loop(assembly: Assembly, one: int, path: Path, group: int, zero: np.ndarray
         ends = tuple(element_name(model, kind, index) for index in ids if index >= 0)
     labels = tuple(row.label for row, none in zip(rows, zero[assembly.rows_of(one)], strict=True) if none)
     return Loop(equality, ends, tuple(rows), labels, path, group, removable=lost == 0, freed=lost)
-
-
-# Paths.
-
-
-def path_of(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> Path:
-    """The joints that an equality closes to a loop; axes are those of the present pose."""
-    first, second = int(model.eq_obj1id[equality.index]), int(model.eq_obj2id[equality.index])
-    if equality.kind == "joint":
-        joints = [joint for joint in (first, second) if joint >= 0]
-        return Path(tuple(joints), tuple(int(model.jnt_dofadr[joint]) for joint in joints), "coupling", None)
-    if equality.kind == "tendon":
-        dofs = sorted({dof for tendon in (first, second) if tendon >= 0 for dof in _tendon_dofs(model, tendon)})
-        joints = sorted({int(model.dof_jntid[dof]) for dof in dofs})
-        return Path(tuple(joints), tuple(dofs), "coupling", None)
-    above = [_to_world(model, body) for body in equality.bodies]
-    bodies = sorted(set(above[0]) ^ set(above[1]))
-    starts, counts = model.body_jntadr, model.body_jntnum
-    joints = [joint for body in bodies for joint in range(starts[body], starts[body] + counts[body])]
-    dofs = [
-        dof
-        for body in bodies
-        for dof in range(model.body_dofadr[body], model.body_dofadr[body] + model.body_dofnum[body])
-    ]
-    normal = _common_normal(model, data, joints)
-    return Path(tuple(map(int, joints)), tuple(map(int, dofs)), "spatial" if normal is None else "planar", normal)
-
-
-def _tendon_dofs(model: mujoco.MjModel, tendon: int) -> list[int]:
-    start = int(model.ten_J_rowadr[tendon])
-    return model.ten_J_colind[start : start + int(model.ten_J_rownnz[tendon])].tolist()
-
-
-def _to_world(model: mujoco.MjModel, body: int) -> list[int]:
-    found = []
-    while body:
-        found.append(body)
-        body = int(model.body_parentid[body])
-    return found
-
-
-def _common_normal(model: mujoco.MjModel, data: mujoco.MjData, joints: list[int]) -> np.ndarray | None:
-    """The normal (3) of the plane that joints move in, or None."""
-    kinds = model.jnt_type[joints]
-    if not len(joints) or np.isin(kinds, (_BALL, _FREE)).any():
-        return None
-    axes = data.xaxis[joints]
-    hinges, slides = axes[kinds != _SLIDE], axes[kinds == _SLIDE]
-    if len(hinges):
-        normal = hinges[0]
-    else:
-        sizes, directions = np.linalg.svd(slides)[1:]
-        if len(slides) < 2 or sizes[1] <= PARALLEL:
-            return None  # a straight line is in many planes
-        normal = directions[2]
-    tilts = np.linalg.norm(np.cross(hinges, normal), axis=1) if len(hinges) else np.zeros(0)
-    if tilts.max(initial=0.0) > PARALLEL or np.abs(slides @ normal).max(initial=0.0) > PARALLEL:
-        return None
-    largest = int(np.abs(normal).argmax())
-    return normal * np.sign(normal[largest])
-
-
-def _groups(paths: list[Path]) -> list[list[int]]:
-    """Numbers of the paths that share degrees of freedom, directly or through others."""
-    groups: list[tuple[set[int], list[int]]] = []
-    for number, path in enumerate(paths):
-        dofs, members = set(path.dofs), [number]
-        apart = []
-        for other_dofs, others in groups:
-            if dofs & other_dofs:
-                dofs |= other_dofs
-                members = others + members
-            else:
-                apart.append((other_dofs, others))
-        groups = [*apart, (dofs, members)]
-    return sorted(sorted(members) for _, members in groups)
-
-
-def _shape(paths: list[Path]) -> tuple[Shape, np.ndarray | None]:
-    shapes = [path for path in paths if path.shape != "coupling"]
-    if not shapes:
-        return "coupling", None
-    normals = [path.normal for path in shapes if path.normal is not None]
-    if len(normals) < len(shapes) or np.linalg.norm(np.cross(normals, normals[0]), axis=1).max() > PARALLEL:
-        return "spatial", None
-    return "planar", normals[0]
 
 
 # What rows hold together.

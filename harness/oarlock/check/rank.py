@@ -108,14 +108,13 @@ def circuits(null: np.ndarray, order: np.ndarray) -> np.ndarray:
     for step in range(null.shape[1]):
         rows = np.linalg.norm(left[:, step:], axis=1)
         row = next(int(row) for row in order if rows[row] >= _PIVOT * rows.max())
-        # A rotation of what is left brings the row's whole length into one column: stable.
-        direction = left[row, step:] / rows[row]
-        basis = np.linalg.qr(np.column_stack([direction, np.eye(len(direction))]))[0]
-        left[:, step:] = left[:, step:] @ basis
+        # A reflection of what is left brings the row's whole length into one column: stable.
+        mirror = left[row, step:] / rows[row]
+        mirror[0] += 1.0 if mirror[0] >= 0 else -1.0
+        left[:, step:] -= np.outer(left[:, step:] @ mirror, 2.0 / (mirror @ mirror) * mirror)
         left[:, step] /= left[row, step]
-        for other in range(null.shape[1]):
-            if other != step:
-                left[:, other] -= left[row, other] * left[:, step]
+        others = np.arange(null.shape[1]) != step
+        left[:, others] -= np.outer(left[:, step], left[row, others])
         pivots.append(row)
     left = left / np.abs(left).max(axis=0, initial=0.0)
     left[np.abs(left) < PART] = 0.0
