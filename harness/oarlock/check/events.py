@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 
 from oarlock.check.assembly import Assembly
-from oarlock.check.loops import Loops, loops_at
-from oarlock.check.rank import ZERO_ROW, row_scales
+from oarlock.check.loops import SCALED, Loops, loops_at, scales_along
 from oarlock.errors import InputError
 from oarlock.mechanism import Equality
 
@@ -74,7 +73,7 @@ class RankHistory:
         dropped: largest one beyond it (T), of the largest: 1e-14 on closed poses, what drift makes of it on open ones.
         events: in the order of time.
         removable: equality → whether the rank without it is the same at every pose that was looked at.
-        generic: the loops at a pose where the rank is that of the whole motion.
+        generic: the loops at a pose where the rank is that of the whole motion, without their dependencies.
     """
 
     rank: int
@@ -109,7 +108,7 @@ def rank_events(
     looked_at = []
     for index in np.unique(np.linspace(0, len(qpos) - 1, PROJECTED).astype(int)):
         assembly.place(qpos[index])
-        looked_at.append(loops_at(assembly, assembly.close()))
+        looked_at.append(loops_at(assembly, assembly.close(), dependent=False))
     generic = max(looked_at, key=lambda loops: (loops.rank, loops.closed))
     kept = [loops for loops in looked_at if loops.rank == generic.rank]
     removable = {loop.name: all(at.loops[k].removable for at in kept) for k, loop in enumerate(generic.loops)}
@@ -132,20 +131,17 @@ class _View:
     def __init__(self, assembly: Assembly, qpos: np.ndarray, rank: int):
         self.assembly, self.rank = assembly, rank
         self.owners: list[Equality] = [one for one in assembly.equalities for _ in range(one.rows)]
-        some = qpos[np.unique(np.linspace(0, len(qpos) - 1, 10 * PROJECTED).astype(int))]
-        stack = assembly.whitened_along(some)
-        self._scales = row_scales(stack, assembly.blocks)
-        lengths = np.linalg.norm(stack, axis=-1).max(axis=0) * self._scales
-        self._scales[lengths <= ZERO_ROW] = 0.0
-        self._largest = float(np.linalg.norm(self._scales[:, None] * stack, ord=2, axis=(1, 2)).max())
+        self._scales = scales_along(assembly, qpos)
+        sizes = self._sizes(qpos[:: max(1, len(qpos) // SCALED)])
+        self._largest = float(sizes[:, 0].max())
+
+    def _sizes(self, qpos: np.ndarray) -> np.ndarray:
+        return np.linalg.svd(self._scales[:, None] * self.assembly.whitened_along(qpos), compute_uv=False)
 
     def along(self, qpos: np.ndarray) -> np.ndarray:
         """Singular values (T, min(n, nv)), descending."""
         size = max(1, _CHUNK // max(1, len(self.assembly.rows) * self.assembly.model.nv))
-        parts = [
-            np.linalg.svd(self._scales[:, None] * self.assembly.whitened_along(qpos[at : at + size]), compute_uv=False)
-            for at in range(0, len(qpos), size)
-        ]
+        parts = [self._sizes(qpos[at : at + size]) for at in range(0, len(qpos), size)]
         return np.concatenate(parts) / self._largest
 
     def here(self) -> tuple[np.ndarray, np.ndarray]:

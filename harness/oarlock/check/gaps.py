@@ -109,7 +109,7 @@ def opening(model: mujoco.MjModel, equality: Equality, rows: np.ndarray, rates: 
 
 def open_dofs(assembly: Assembly) -> list[int]:
     """Degrees of freedom of the groups that are open at the present pose."""
-    loops = loops_at(assembly, closed=False)
+    loops = loops_at(assembly, closed=False, dependent=False)
     left = openings_of(assembly, assembly.residual())
     groups = {loop.group for loop, opening in zip(loops.loops, left, strict=True) if opening.largest > CONSISTENT}
     return sorted({dof for group in groups for dof in loops.dofs(group)})

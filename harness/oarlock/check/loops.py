@@ -9,6 +9,7 @@ from oarlock.check.assembly import Assembly, Row
 from oarlock.check.paths import Path, Shape, common_shape, path_of, share_dofs
 from oarlock.check.rank import (
     FLOOR,
+    ZERO_ROW,
     Spectrum,
     circuits,
     null_basis,
@@ -20,6 +21,9 @@ from oarlock.mechanism import Equality, element_name
 
 ORDERS = 24
 """So many orders of the rows are tried for small dependent sets."""
+
+SCALED = 90
+"""So many poses of a motion, equally spaced, give the scales of its rows."""
 
 MOVES = 1e-6
 """Of the largest velocity of a motion that the rows admit: a coordinate with less does not take part."""
@@ -187,8 +191,11 @@ def find_loops(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> Loop
     return loops_at(assembly, assembly.close())
 
 
-def loops_at(assembly: Assembly, closed: bool = True) -> Loops:
-    """The loops at an assembly's present pose, whose position stage is valid."""
+def loops_at(assembly: Assembly, closed: bool = True, *, dependent: bool = True) -> Loops:
+    """The loops at an assembly's present pose, whose position stage is valid.
+
+    Without ``dependent`` the dependencies are left out: of many rows they take longer than all the rest.
+    """
     model, data = assembly.model, assembly.data
     jacobian = assembly.jacobian()
     scaled, scales = scaled_rows(assembly, jacobian)
@@ -218,7 +225,7 @@ def loops_at(assembly: Assembly, closed: bool = True) -> Loops:
                 dofs=len(dofs),
                 shape=shape,
                 normal=normal,
-                dependencies=_dependencies(assembly, rows, scaled[rows], found.rank, zero[rows]),
+                dependencies=_dependencies(assembly, rows, scaled[rows], found.rank, zero[rows]) if dependent else (),
                 still=_still(model, scales[rows, None] * jacobian[rows][:, dofs], found.rank, dofs, joints),
             )
         )
@@ -243,6 +250,17 @@ def scaled_rows(assembly: Assembly, jacobian: np.ndarray) -> tuple[np.ndarray, n
     scales = row_scales(whitened, assembly.blocks)
     scales[zero] = 0.0
     return scales[:, None] * whitened, scales
+
+
+def scales_along(assembly: Assembly, qpos: np.ndarray) -> np.ndarray:
+    """Scales (n) of the rows that serve a whole motion (T, nq), 0 of rows that never hold anything."""
+    some = qpos[np.unique(np.linspace(0, len(qpos) - 1, SCALED).astype(int))]
+    stack = assembly.whitened_along(some)
+    lengths = np.linalg.norm(stack, axis=-1).max(axis=0, initial=0.0)
+    stack[:, lengths <= ZERO_ROW * lengths.max(initial=0.0)] = 0.0
+    scales = row_scales(stack, assembly.blocks)
+    scales[~stack.any(axis=(0, 2))] = 0.0
+    return scales
 
 
 def _rank_of_part(part: np.ndarray) -> int:
