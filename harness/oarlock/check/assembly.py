@@ -15,6 +15,9 @@ from oarlock.errors import InputError
 from oarlock.inequalities import IGNORED
 from oarlock.mechanism import Equality, closing_jacobian, equalities
 
+FIXED = 1e-9
+"""m. What the digits of a file may leave between two points that no joint moves."""
+
 _AXES = ("x", "y", "z")
 
 
@@ -37,6 +40,18 @@ def _row_labels(equality: Equality) -> list[tuple[str, str]]:
         turns = [(f"turn {axis}", "rad") for axis in _AXES] if equality.kind == "weld" else []
         return [*((axis, "m") for axis in _AXES), *turns]
     return [("", equality.unit)]
+
+
+def anchors(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> tuple[np.ndarray, np.ndarray]:
+    """The two points (3), world, of a connect or weld."""
+    if equality.sites:
+        first, second = (data.site_xpos[site].copy() for site in equality.sites)
+        return first, second
+    first, second = (
+        data.xpos[body] + data.xmat[body].reshape(3, 3) @ equality.anchor(model, end)
+        for end, body in enumerate(equality.bodies)
+    )
+    return first, second
 
 
 class Assembly:
@@ -92,8 +107,8 @@ class Assembly:
         mujoco.mj_fwdPosition(self.model, self.data)
 
     def close(self) -> bool:
-        """Closes the present pose, see ``closing.close``."""
-        return close(self.model, self.data, None)
+        """Closes the present pose, see ``closing.close``; says whether all rows are, those that nothing moves too."""
+        return close(self.model, self.data, None) and bool(np.abs(self._fixed()).max(initial=0.0) <= FIXED)
 
     def difference(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """What leads from one pose (nq) to another, (nv), rad or m."""
@@ -108,8 +123,19 @@ class Assembly:
 
     def residual(self) -> np.ndarray:
         """Deviations of all rows (n), m or rad."""
-        found = np.zeros(len(self.rows))
+        found = self._fixed()
         found[self.at_rows()] = self.data.efc_pos[: self.data.ne]
+        return found
+
+    def _fixed(self) -> np.ndarray:
+        """Deviations (n) of connects and of the points of welds that MuJoCo leaves out: no joint moves their ends."""
+        found = np.zeros(len(self.rows))
+        present = set(self.data.efc_id[: self.data.ne].tolist())
+        for equality, start in zip(self.equalities, self.starts, strict=True):
+            left_out = self.data.eq_active[equality.index] and equality.index not in present
+            if left_out and equality.kind in ("connect", "weld"):
+                first, second = anchors(self.model, self.data, equality)
+                found[start : start + 3] = first - second
         return found
 
     def jacobian(self) -> np.ndarray:

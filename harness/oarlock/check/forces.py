@@ -17,7 +17,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from oarlock.check.assembly import Assembly
+from oarlock.check.assembly import Assembly, anchors
 from oarlock.mechanism import Equality
 
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -63,18 +63,6 @@ def coupling_slope(assembly: Assembly, equality: Equality) -> float:
 
 
 # Bodies.
-
-
-def anchors(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> tuple[np.ndarray, np.ndarray]:
-    """The two points (3), world, of a connect or weld."""
-    if equality.sites:
-        first, second = (data.site_xpos[site].copy() for site in equality.sites)
-        return first, second
-    first, second = (
-        data.xpos[body] + data.xmat[body].reshape(3, 3) @ equality.anchor(model, end)
-        for end, body in enumerate(equality.bodies)
-    )
-    return first, second
 
 
 def turns(model: mujoco.MjModel, equality: Equality) -> tuple[np.ndarray, np.ndarray]:

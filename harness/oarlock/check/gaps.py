@@ -20,6 +20,9 @@ Newton's way may end where the rows' gap is least but not zero, on the wrong sid
 TRIES_OF_PART = ((0.2, 4), (0.5, 4))
 """The same for a part of the equalities, when the culprit is looked for."""
 
+INVOLVED = 1e-3
+"""Of the largest gap: an equality that stays open by less is not among those that contradict one another."""
+
 LOWER = 0.99
 """Of the gap around a start: another pose must be better by so much to be taken for it."""
 
@@ -196,8 +199,11 @@ def find_culprits(
         if alone:
             found.append(Culprits(True, tuple(opening for number in alone for opening in openings([number], dofs))))
             continue
-        needed = members
-        for number in members:
+        # Where the squares are least the deviations balance, Jᵀr = 0: those that have none take no part in that.
+        most = max(left[number].largest for number in members)
+        open_ = [number for number in members if left[number].largest > INVOLVED * most]
+        needed = members if closes(open_, dofs) else open_
+        for number in needed:
             rest = [other for other in needed if other != number]
             if len(rest) > 1 and not closes(rest, dofs):
                 needed = rest

@@ -180,6 +180,8 @@ class Loops:
 def find_loops(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> Loops:
     """The loops at the closed pose nearest to that of ``data``, or of the model's own.
 
+    A pose that is a dead end stays open here; ``nearest_closed`` goes around it, and gives the loops too.
+
     Args:
         model: any; left alone.
         data: pose, mocap bodies and which equalities are active; left alone.

@@ -77,10 +77,15 @@ class Mobility:
 
 
 def find_mobility(assembly: Assembly, loops: Loops) -> tuple[Mobility, ...]:
-    """How every group can move from the present pose, which is closed and of these loops; the pose is kept."""
+    """How every group can move from the present pose, which is closed and of these loops; the pose is kept.
+
+    Equalities between ends that no joint moves are left out: they have nothing to lock.
+    """
     pose = assembly.data.qpos.copy()
     found = []
     for number, group in enumerate(loops.groups):
+        if not group.dofs:
+            continue
         members = loops.members(number)
         near, moves = group.dof, False
         # Each motion and one of them all, both ways: at a singular pose a mixture of branches leads nowhere.

@@ -72,8 +72,10 @@ def _to_world(model: mujoco.MjModel, body: int) -> list[int]:
 
 def _common_normal(model: mujoco.MjModel, data: mujoco.MjData, joints: list[int]) -> np.ndarray | None:
     """The normal (3) of the plane that joints move in, or None."""
+    if not joints:
+        return None
     kinds = model.jnt_type[joints]
-    if not len(joints) or np.isin(kinds, (_BALL, _FREE)).any():
+    if np.isin(kinds, (_BALL, _FREE)).any():
         return None
     axes = data.xaxis[joints]
     hinges, slides = axes[kinds != _SLIDE], axes[kinds == _SLIDE]

@@ -73,10 +73,10 @@ def zero_rows(jacobian: np.ndarray) -> np.ndarray:
 
 def row_scales(whitened: np.ndarray, blocks: list[slice]) -> np.ndarray:
     """Factors (n) that make the largest row of every block 1 long in J H^T (…, n, nv), over all poses given."""
-    lengths = np.linalg.norm(whitened, axis=-1).reshape(-1, whitened.shape[-2])
+    lengths = np.linalg.norm(whitened, axis=-1)
     scales = np.zeros(whitened.shape[-2])
     for block in blocks:
-        longest = lengths[:, block].max(initial=0.0)
+        longest = lengths[..., block].max(initial=0.0)
         scales[block] = 1.0 / longest if longest > 0 else 0.0
     return scales
 
