@@ -173,9 +173,9 @@ def test_equalities_that_contradict_one_another_are_named(seed):
     assert pose.status == "cannot-close"
     (culprits,) = pose.culprits
     assert (culprits.alone, culprits.equalities) == (False, ("left", "right"))
-    assert sum(opening.metres for opening in culprits.openings) == pytest.approx(0.1, abs=SHORT)
+    assert sum(opening.largest for opening in culprits.openings) == pytest.approx(0.1, abs=SHORT)
     assert str(culprits) == "'left' and 'right' cannot hold together: short by 0.1000 m"
-    assert pose.left[2].radians <= LEFT
+    assert pose.left[2].largest <= LEFT
 
 
 def test_of_many_the_fewest_are_blamed():

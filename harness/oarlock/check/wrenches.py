@@ -122,14 +122,17 @@ def _free_part(
     found = np.zeros_like(multipliers)
     for number, group in enumerate(loops.groups):
         rows = assembly.rows_of_all(loops.members(number))
-        count = len(rows) - group.rank
-        if not count:
+        if len(rows) == group.rank:
             continue
         some = stack[:, rows]
-        # The eigenvectors to the smallest eigenvalues: the rank is known, so that their squares do no harm.
-        directions = np.linalg.eigh(some @ some.transpose(0, 2, 1))[1][:, :, :count]
-        basis = np.linalg.qr(directions * np.where(scales[rows] > 0, scales[rows], 1.0)[:, None])[0]
-        found[:, rows] = np.einsum("tik,tjk,tj->ti", basis, basis, multipliers[:, rows])
+        # A basis of range(J): eigenvectors to the largest eigenvalues. The rank is known, so that squares do no harm.
+        wide = len(rows) <= some.shape[2]
+        square = some @ some.transpose(0, 2, 1) if wide else some.transpose(0, 2, 1) @ some
+        largest = np.linalg.eigh(square)[1][:, :, square.shape[1] - group.rank :]
+        inverse = np.divide(1.0, scales[rows], out=np.zeros(len(rows)), where=scales[rows] > 0)
+        basis = np.linalg.qr(inverse[:, None] * (largest if wide else some @ largest))[0]
+        given = multipliers[:, rows, None]
+        found[:, rows] = (given - basis @ (basis.transpose(0, 2, 1) @ given))[..., 0]
     return found
 
 
