@@ -202,6 +202,17 @@ def test_two_points_that_nothing_moves():
     assert nearest_closed(compiled(xml.format(0))).status == "consistent"
 
 
+def test_six_digits_neither_lock_nor_open_an_over_constrained_ring():
+    """Bricard's ring with a length off by a part in ten million closes to that, and goes on moving."""
+    xml = load_case("bricard").model_path.read_text(encoding="utf-8")
+    pose = nearest_closed(compiled(xml.replace('pos="0 -1 0">', 'pos="0 -1.0000001 0.0000001">')))
+    assert pose.closed
+    assert pose.status == "consistent"
+    assert pose.loops.dof == 1
+    assert [(one.dof, one.moves) for one in pose.mobility] == [(1, True)]
+    assert pose.loops.groups[0].spectrum.dropped > LEFT  # strictly it is locked
+
+
 def test_a_tilted_hinge_is_named():
     model = fixture("tilted_hinge")
     for pose in (nearest_closed(model), nearest_closed(model, disturbed(model, model.qpos0, 1))):

@@ -15,8 +15,9 @@ from oarlock.errors import InputError
 from oarlock.inequalities import IGNORED
 from oarlock.mechanism import Equality, closing_jacobian, equalities
 
-FIXED = 1e-9
-"""m. What the digits of a file may leave between two points that no joint moves."""
+CONSISTENT = 1e-6
+"""m or rad, and per s: what six digits of a file leave open where they cannot be closed beyond, and far less than a
+soft loop opens by itself."""
 
 _AXES = ("x", "y", "z")
 
@@ -107,8 +108,14 @@ class Assembly:
         mujoco.mj_fwdPosition(self.model, self.data)
 
     def close(self) -> bool:
-        """Closes the present pose, see ``closing.close``; says whether all rows are, those that nothing moves too."""
-        return close(self.model, self.data, None) and bool(np.abs(self._fixed()).max(initial=0.0) <= FIXED)
+        """Closes the present pose, see ``closing.close``.
+
+        Returns:
+            Whether every row is closed, those that nothing moves too: to rounding, or to ``CONSISTENT`` where the
+            lengths of an over-constrained mechanism admit no more.
+        """
+        close(self.model, self.data, None)
+        return float(np.abs(self.residual()).max(initial=0.0)) <= CONSISTENT
 
     def difference(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """What leads from one pose (nq) to another, (nv), rad or m."""

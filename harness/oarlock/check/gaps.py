@@ -6,12 +6,9 @@ import mujoco
 import numpy as np
 import scipy.optimize
 
-from oarlock.check.assembly import Assembly
+from oarlock.check.assembly import CONSISTENT, Assembly
 from oarlock.check.loops import Loops, loops_at
 from oarlock.mechanism import Equality
-
-CONSISTENT = 1e-6
-"""m or rad, and per s: what six digits of a file leave open, and far less than a soft loop opens by itself."""
 
 TRIES = ((0.05, 4), (0.2, 6), (0.5, 10))
 """Where a pose is a dead end, others around it are tried: deviation in rad (m on slides, for a model of 1 m), number.

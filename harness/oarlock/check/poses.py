@@ -6,9 +6,8 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from oarlock.check.assembly import Assembly
+from oarlock.check.assembly import CONSISTENT, Assembly
 from oarlock.check.gaps import (
-    CONSISTENT,
     TRIES,
     Culprits,
     Opening,
@@ -33,7 +32,7 @@ class ClosedPose:
     """The consistent pose nearest to a start, or what stands in the way.
 
     Attributes:
-        closed: whether every row is.
+        closed: whether every row is, see ``Assembly.close``; ``left`` says how well.
         qpos: the pose (nq), or the best one that was found.
         qvel: the velocities (nv) nearest to those given that the rows admit.
         openings: of every active equality, as given.
