@@ -1,0 +1,1 @@
+"""``oarlock check``: why a loop comes apart, and what would hold it."""
