@@ -8,17 +8,18 @@ import mujoco
 from oarlock._core import TimeLaw
 from oarlock.cases import Case
 from oarlock.errors import RefusedError, choose
+from oarlock.mechanism import element_name
 
 
 class Drive:
-    """Writes the controls of a case into ``data.ctrl``.
+    """Writes the controls of a case into ``data.ctrl``. An actuator without a name goes by its number, ``#3``.
 
     Attributes:
         laws: actuator's number with its law.
     """
 
     def __init__(self, model: mujoco.MjModel, case: Case):
-        actuators = [model.actuator(index).name for index in range(model.nu)]
+        actuators = [element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index) for index in range(model.nu)]
         self.laws: list[tuple[int, TimeLaw]] = []
         for name, law in case.file.drive.laws().items():
             choose(f"actuator in [drive] of case '{case.name}'", name, actuators)

@@ -62,7 +62,7 @@ def copy_model(source: Path, folder: Path) -> Copied:
             copy would not be the same model.
     """
     original = load_model(source)
-    copier = _Copier(folder)
+    copier = Copier(folder)
     root = copier.read(source, source.parent, prefix=f"{ASSETS}/")
     copier.name(root)
     text = copier.header + ET.tostring(root, encoding="unicode") + "\n"
@@ -77,7 +77,9 @@ def copy_model(source: Path, folder: Path) -> Copied:
     return copier.copied
 
 
-class _Copier:
+class Copier:
+    """Reads MJCF files with all that they include, and brings along what they refer to."""
+
     def __init__(self, folder: Path):
         self.copied = Copied()
         self.header = ""
