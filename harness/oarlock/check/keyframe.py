@@ -14,7 +14,7 @@ import numpy as np
 
 from oarlock.errors import InputError, one_line
 from oarlock.mechanism import element_name, load_model
-from oarlock.portable import _Copier, differences
+from oarlock.portable import Copier, differences
 
 KEYFRAME = "closed"
 """Name of the keyframe that is written."""
@@ -72,7 +72,7 @@ def write_keyframe(
     return name
 
 
-class _Referrer(_Copier):
+class _Referrer(Copier):
     """Names the files where they are instead of copying them."""
 
     def _keep(self, path: Path) -> str:
