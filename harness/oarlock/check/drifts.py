@@ -15,7 +15,7 @@ LEVELS = ("position", "velocity", "acceleration")
 
 @dataclass(frozen=True)
 class Drift:
-    """The largest deviation of one equality in a run, and when it was; metres and radians apart, None where it has none.
+    """The largest deviation of one equality in a run, and when it was; None in a unit that it does not have.
 
     Attributes:
         equality: its name.

@@ -1,6 +1,7 @@
 """An examination: one model looked at from its loops to what would hold them, each part as soon as it is there."""
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from oarlock.case_file import Drive
 from oarlock.cases import load_case
 from oarlock.check import controls
 from oarlock.check.drifts import Drift, find_drifts
@@ -191,7 +193,7 @@ def _of_case(name: str, wish: Wish) -> Examination:
     run = case.file.run
     model = load_mechanism(case, integrator=run.integrator)
     start = consistent_start(model, case)
-    kind, laws = "the case's own drive", dict(case.file.drive.ctrl)
+    kind, laws = "the case's own drive", _without_constants(case.file.drive)
     if wish.controls or wish.constant:
         kind, laws = _driven(model, wish)
     elif not laws:
@@ -203,6 +205,16 @@ def _of_case(name: str, wish: Wish) -> Examination:
     return Examination(
         name, case.model_path, model, start.qpos, start.qvel, begins, laws, kind, steps, wish, ignored=ignored or ""
     )
+
+
+def _without_constants(drive: Drive) -> dict[str, str]:
+    """The laws of a case's drive with the constants written out."""
+    values = drive.values()
+
+    def written(name: re.Match[str]) -> str:
+        return f"({values[name[0]]!r})" if name[0] in values else name[0]
+
+    return {actuator: re.sub(r"\b[A-Za-z_]\w*", written, law) for actuator, law in drive.ctrl.items()}
 
 
 def _steps(model: mujoco.MjModel, wish: Wish, own_s: float | None) -> int:
@@ -241,10 +253,10 @@ def _data(found: Examination) -> mujoco.MjData:
 
 def _run(found: Examination) -> None:
     assert found.pose is not None
-    with _reason(found, "run"):
+    with _Reason(found, "run"):
         found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps)
     if found.closed:
-        with _reason(found, "exact"):
+        with _Reason(found, "exact"):
             found.exact = record_exact(found.model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
     else:
         found.missing["exact"] = "there is no closed start to run it from"
@@ -255,7 +267,7 @@ def _run(found: Examination) -> None:
 def _causes(found: Examination) -> None:
     if found.recording is None or not found.recording.steps:
         return
-    with _reason(found, "causes"):
+    with _Reason(found, "causes"):
         attribution = attribute(found.recording)
         if attribution.holds:
             found.attribution = attribution
@@ -273,7 +285,7 @@ def _remedy(found: Examination) -> None:
         found.missing["remedy"] = "it was not asked for"
     elif found.recording is not None:
         start = Start(found.pose.qpos, found.pose.qvel)
-        with _reason(found, "remedy"):
+        with _Reason(found, "remedy"):
             found.recipe = recipe(
                 found.model, start, found.laws, found.wish.target, found.duration_s, budget_s=found.wish.budget_s
             )
@@ -283,13 +295,13 @@ def _forces(found: Examination) -> None:
     assert found.pose is not None
     data = _data(found)
     path, times = _motion(found)
-    with _reason(found, "rank"):
+    with _Reason(found, "rank"):
         if len(path) > 1:
             found.history = rank_events(found.model, path, times, data)
     every = max(1, len(path) // POSES)
-    with _reason(found, "reactions"):
+    with _Reason(found, "reactions"):
         found.reactions = find_uniqueness(found.model, path[::every] if len(path) > 1 else None, data)
-    with _reason(found, "forces"):
+    with _Reason(found, "forces"):
         if found.recording is not None and found.recording.steps:
             found.given = wrenches(found.model, found.recording.qpos, found.recording.force, data)
         if found.exact is not None and len(found.exact.qpos):
@@ -306,7 +318,7 @@ def _motion(found: Examination) -> tuple[np.ndarray, np.ndarray]:
     return run.qpos[finite], run.time[finite]
 
 
-class _reason:
+class _Reason:
     """Keeps the reason why a part of an examination cannot be had."""
 
     def __init__(self, found: Examination, part: str):
