@@ -296,7 +296,7 @@ def _forces(found: Examination) -> None:
     data = _data(found)
     path, times = _motion(found)
     with _Reason(found, "rank"):
-        if len(path) > 1:
+        if len(path) > 1 and found.closed:
             found.history = rank_events(found.model, path, times, data)
     every = max(1, len(path) // POSES)
     with _Reason(found, "reactions"):
