@@ -1,7 +1,7 @@
 """oarlock: cross-validates closed-chain MuJoCo models.
 
 ``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison, ``diff`` what changed
-between two folders of them:
+between two folders of them, ``check`` why the loops of a file come apart and what would hold them:
 
     >>> import oarlock
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
@@ -11,6 +11,7 @@ between two folders of them:
 
 from oarlock._core import VERSION, make_solver
 from oarlock.cases import load_case, model_names, variant_names
+from oarlock.check import Checked, check
 from oarlock.diff import Difference, diff
 from oarlock.errors import InputError
 from oarlock.run import Results, run
@@ -19,10 +20,12 @@ from oarlock.solvers import solver_names
 __version__ = VERSION
 
 __all__ = [
+    "Checked",
     "Difference",
     "InputError",
     "Results",
     "__version__",
+    "check",
     "diff",
     "load_case",
     "make_solver",

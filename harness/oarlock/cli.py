@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 from rich.progress import Progress as Bar
 from rich.table import Table
 
+from oarlock.check_command import check
 from oarlock.console import BAD_INPUT, GATE_FAILED, JsonOption, cell, console, emit_json, ends, say
 from oarlock.diff_command import diff
 from oarlock.errors import InputError, one_line
@@ -317,6 +318,7 @@ def suite(
         raise typer.Exit(status)
 
 
+app.command()(check)
 app.command()(diff)
 app.command()(explain)
 

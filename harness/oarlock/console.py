@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from oarlock.results import write_text
 
@@ -63,6 +64,11 @@ def cell(value: Any) -> str:
     if value is None:
         return "–"
     return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def shown(text: str) -> Text:
+    """As it is: no markup, and nothing that a terminal would obey."""
+    return Text("".join(letter if letter.isprintable() else "�" for letter in text))
 
 
 def console() -> Console:

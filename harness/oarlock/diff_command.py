@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from oarlock.console import GATE_FAILED, JsonOption, console, emit_json, ends, say
+from oarlock.console import GATE_FAILED, JsonOption, console, emit_json, ends, say, shown
 
 if TYPE_CHECKING:
     from oarlock.diff import Difference
@@ -56,7 +56,7 @@ def _print(found: "Difference", limit: int) -> None:
 
     out = console()
     for origin in found.origins:
-        out.print(_shown(origin.line(found.matched)), soft_wrap=True)
+        out.print(shown(origin.line(found.matched)), soft_wrap=True)
     changes = found.changes[: limit or None]
     if changes:
         table = Table(box=None, header_style="bold", pad_edge=False)
@@ -66,15 +66,10 @@ def _print(found: "Difference", limit: int) -> None:
         for one in changes:
             verdict, *rest = cells(one)
             style = _COLOURS.get(verdict, "") if sys.stdout.isatty() else ""
-            table.add_row(Text(verdict, style=style), *(_shown(text) for text in rest))
+            table.add_row(Text(verdict, style=style), *(shown(text) for text in rest))
         out.print(table)
     if len(found.changes) > len(changes):
-        out.print(_shown(f"and {len(found.changes) - len(changes)} more changes (--limit 0 prints all)"))
+        out.print(shown(f"and {len(found.changes) - len(changes)} more changes (--limit 0 prints all)"))
     for figure, factor in found.timings.items():
-        out.print(_shown(f"{figure}: × {factor:.3g}, median over runs; timings are not judged"), soft_wrap=True)
-    out.print(_shown(found.summary()), soft_wrap=True)
-
-
-def _shown(text: str) -> Text:
-    """As it is: no markup, and nothing that a terminal would obey."""
-    return Text("".join(letter if letter.isprintable() else "�" for letter in text))
+        out.print(shown(f"{figure}: × {factor:.3g}, median over runs; timings are not judged"), soft_wrap=True)
+    out.print(shown(found.summary()), soft_wrap=True)

@@ -26,14 +26,21 @@ def _digest(path: Path) -> str | None:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.is_file() else None
 
 
-def inputs(case: Case) -> dict[str, Any]:
-    """Versions, kind of machine and digests of the case's files."""
+def versions() -> dict[str, Any]:
+    """Versions and kind of machine."""
     return {
         "oarlock": _core.VERSION,
         "core_profile": _core.BUILD_PROFILE,
         "python": platform.python_version(),
         **{name: importlib.metadata.version(name) for name in _PACKAGES},
         "platform": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def inputs(case: Case) -> dict[str, Any]:
+    """Versions, kind of machine and digests of the case's files."""
+    return {
+        **versions(),
         "case": case.name,
         "model_sha256": _digest(case.model_path),
         "case_sha256": _digest(case.folder / "case.toml"),

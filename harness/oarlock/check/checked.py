@@ -1,0 +1,96 @@
+"""What ``oarlock.check`` gives: an examination with its findings, and their tables."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from oarlock.check.document import causes_table, document, drift_table, findings_table, trials_table
+from oarlock.check.examination import BUDGET_S, TARGET, Examination, Wish, begin, examine
+from oarlock.check.findings import Finding
+from oarlock.check.verdicts import judge
+
+
+class Checked:
+    """A model that was checked; in a notebook it shows itself.
+
+    Attributes:
+        examination: all that was found out, over time.
+        found: the findings, the worst first.
+    """
+
+    def __init__(self, examination: Examination, found: list[Finding]):
+        self.examination, self.found = examination, found
+
+    @property
+    def findings(self) -> pl.DataFrame:
+        """A row a finding, the worst first."""
+        return findings_table(self.found)
+
+    @property
+    def drift(self) -> pl.DataFrame:
+        """A row an equality and level: largest deviations, m and rad and their rates, MuJoCo's and the exact ones."""
+        return drift_table(self.examination)
+
+    @property
+    def causes(self) -> pl.DataFrame:
+        """A row an equality and cause: its part of the drift."""
+        return causes_table(self.examination)
+
+    @property
+    def trials(self) -> pl.DataFrame:
+        """A row a run that was made to find what holds."""
+        return trials_table(self.examination)
+
+    @property
+    def mjcf(self) -> str:
+        """Settings that hold, as MJCF to paste; empty where nothing has to change or nothing was found."""
+        return self.examination.recipe.mjcf if self.examination.recipe else ""
+
+    def document(self) -> dict[str, Any]:
+        """As ``oarlock check --json``."""
+        return document(self.examination, self.found)
+
+    def __repr__(self) -> str:
+        return "\n".join([f"checked {self.examination.file}", *(f"  {finding}" for finding in self.found)])
+
+
+def check(
+    file: str | Path,
+    *,
+    keyframe: str | None = None,
+    controls: str | None = None,
+    constant: dict[str, float] | None = None,
+    seed: int = 0,
+    duration_s: float | None = None,
+    target: float = TARGET,
+    budget_s: float = BUDGET_S,
+    ignore_inequalities: bool = False,
+    fail_above: float | None = None,
+    progress: Callable[[str, Examination], None] | None = None,
+) -> Checked:
+    """Finds out why the loops of a model come apart, and what would hold them.
+
+    Args:
+        file: MJCF file, or name of a model that comes along.
+        keyframe: name or number of the keyframe to start from; the first one, or the model's own pose.
+        controls: ``keyframe``, ``constant`` or ``random``; chosen by what the model has if left out.
+        constant: actuator → constant control.
+        seed: of random controls.
+        duration_s: of the run, s.
+        target: wanted drift, m or rad.
+        budget_s: time for the runs that look for settings, s; 0: none are looked for.
+        ignore_inequalities: without contacts, limits and friction.
+        fail_above: bound on the drift, m or rad; beyond it there is an error among the findings.
+        progress: is told of every part as soon as it is there.
+
+    Raises:
+        InputError: no such file, malformed, no equality, or an argument that does not fit the model.
+    """
+    wish = Wish(keyframe, controls, constant or {}, seed, duration_s, target, budget_s, ignore_inequalities)
+    examination = begin(str(file), wish)
+    for part in examine(examination):
+        if progress:
+            progress(part, examination)
+    return Checked(examination, judge(examination, fail_above))
