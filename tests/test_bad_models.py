@@ -54,6 +54,11 @@ FILES = {
     "utf-16": (GOOD.encode("utf-16"), MUJOCO_REFUSES + "XML parse error"),
     "latin-1": (GOOD.replace("pin", "pín").encode("latin-1"), "a name holds the byte 0xed, expected UTF-8"),
     "urdf": ('<robot name="a"><link name="b"/></robot>', "no <equality> element, expected at least one"),
+    # MuJoCo would leave constraints out, with a warning to nobody.
+    "memory": (
+        rest('<size memory="1K"/>'),
+        "the model's memory of 1024 bytes does not hold its constraints, expected a larger <size memory",
+    ),
     # Nothing to close.
     "open chain": (
         '<mujoco><worldbody><body><joint/><geom size="1"/></body></worldbody></mujoco>',

@@ -9,7 +9,7 @@ import numpy as np
 from oarlock.curvature import Curvature
 from oarlock.errors import InputError, few
 from oarlock.inequalities import IGNORED
-from oarlock.mechanism import Equality, closing_jacobian, element_name, equalities
+from oarlock.mechanism import Equality, closing_jacobian, collected_warnings, element_name, equalities
 from oarlock.projection import Projector, gap
 from oarlock.solvers import REFERENCE, SolverSpec
 
@@ -114,12 +114,18 @@ def require_rows(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Checks that there is something to close, and that it can be computed.
 
     Raises:
-        InputError: no equality has a row at this pose, one is of a kind that is not known, or its rows are not finite.
+        InputError: no equality has a row at this pose, one is of a kind that is not known, its rows are not finite, or
+            the model's memory does not hold them, in which case MuJoCo leaves some out.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is named below
         Curvature(model, data)
-    with _loops_only(model):
+    with _loops_only(model), collected_warnings():
         mujoco.mj_fwdPosition(model, data)
+    if data.warning[mujoco.mjtWarning.mjWARN_CNSTRFULL].number:
+        raise InputError(
+            f"the model's memory of {model.narena} bytes does not hold its constraints, expected a larger "
+            '<size memory="…"/>'
+        )
     if data.ne == 0:
         names = few([f"'{equality.name}'" for equality in equalities(model)])
         raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")

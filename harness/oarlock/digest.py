@@ -16,7 +16,7 @@ from oarlock.cases import Case
 
 PRESENTATION = (
     "catalogue.py",
-    "check.py",
+    "check_command.py",
     "cli.py",
     "cluster.py",
     "console.py",
