@@ -56,8 +56,8 @@ FILES = {
     "urdf": ('<robot name="a"><link name="b"/></robot>', "no <equality> element, expected at least one"),
     # MuJoCo would leave constraints out, with a warning to nobody.
     "memory": (
-        rest('<size memory="1K"/>'),
-        "the model's memory of 1024 bytes does not hold its constraints, expected a larger <size memory",
+        rest('<size memory="500"/>'),
+        "the model's memory of 500 bytes does not hold its constraints, expected a larger <size memory",
     ),
     # Nothing to close.
     "open chain": (
