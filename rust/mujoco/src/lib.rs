@@ -19,22 +19,22 @@
 //!
 //! # Where the time goes
 //!
-//! A step of a free run on exact constraints (`auto`, Euler, nothing recorded; perf on one machine, `oarlock bench` measures
-//! the times anew). `mj_step` of the same models takes 3.25 and 12.3 µs.
+//! A step of a free run on exact constraints (`auto`, Euler, nothing recorded; perf on one machine; `oarlock bench` measures
+//! the times anew, `oarlock bench --growth` the parts against the number of loops). `mj_step` of the same models takes 4.0 and
+//! 15.8 µs.
 //!
-//! | share of a step | boat, 3.2 µs | ten four-bars with two connects each, 12.3 µs |
+//! | share of a step | boat, 2.9 µs | ten four-bars with two connects each, 12.7 µs |
 //! |---|---|---|
-//! | MuJoCo's smooth stages and integrator | 52 % | 57 % |
-//! | its timers, which its Python bindings switch on | 22 % | 6 % |
-//! | J̇v | 5 % | 11 % |
-//! | rows: checks, folding, b, Jᵀλ | 7 % | 14 % |
-//! | H Jᵀ and M⁻¹ Jᵀλ by MuJoCo's factor | 3 % | 3 % |
-//! | A and its factor | 8 % | 8 % |
-//! | the drive, copies, the loop | 4 % | 1 % |
+//! | MuJoCo's smooth stages and integrator | 69 % | 62 % |
+//! | rows: copies, checks, folding, b, Jᵀλ | 14 % | 24 % |
+//! | A and its factor | 10 % | 9 % |
+//! | H Jᵀ and M⁻¹ Jᵀλ by MuJoCo's factor | 3 % | 4 % |
+//! | J̇v, the drive, the loop | 4 % | 1 % |
 //!
-//! So the floor, a step without any constraint solver, is 0.71 and 0.62 of `mj_step`. What is ours is bound by passes over J
-//! rather than by arithmetic: 60 rows of 21 entries are 10 kB, read for the check, the fold, b and Jᵀλ, while A of 20 folded
-//! rows takes 3 000 multiplications within its envelope and its factor as many.
+//! `mj_step` also pays for what these runs leave out: MuJoCo's timers, which its Python bindings switch on (0.7 µs a step of
+//! the boat), the search for islands (0.4), and its constraint solver. What is ours is bound by passes over J rather than by
+//! arithmetic: 60 rows of 21 entries are 10 kB, read for the check, the fold, b and Jᵀλ, while A of 20 folded rows takes 3 000
+//! multiplications within its envelope and its factor as many.
 
 pub mod curvature;
 pub mod drive;
