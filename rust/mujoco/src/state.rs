@@ -94,6 +94,20 @@ impl State {
     /// # Errors
     /// Those of [`Inertia::assemble`].
     pub fn ask(&mut self, data: &mut Data, form: Form, system: &mut ConstrainedSystem) -> Result<(), Error> {
+        self.ask_by(data, form, system, Data::whiten)
+    }
+
+    /// The same with somebody else's call of [`Data::whiten`]: for timing it.
+    ///
+    /// # Errors
+    /// As [`ask`](Self::ask).
+    pub fn ask_by(
+        &mut self,
+        data: &mut Data,
+        form: Form,
+        system: &mut ConstrainedSystem,
+        whiten: impl FnMut(&mut Data, &mut [f64], &[f64], &[f64]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         match form {
             Form::Matched => {
                 self.aref.copy_from_slice(data.aref());
@@ -113,7 +127,7 @@ impl State {
             aref: &self.aref,
             regularisation: (form == Form::Matched).then_some(&self.softness[..]),
         };
-        self.inertia.assemble(data, &step, system)
+        self.inertia.assemble_by(data, &step, system, whiten)
     }
 
     /// Accelerations and constraint forces of multipliers, as [`Inertia::acceleration`].
