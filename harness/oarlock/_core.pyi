@@ -1,4 +1,4 @@
-"""The compiled core of oarlock: systems, solvers, laws of time."""
+"""The compiled core of oarlock: systems, solvers, laws of time, step loops."""
 
 from typing import Any, final
 
@@ -116,6 +116,100 @@ class TimeLaw:
         """Whether it does not depend on t."""
     def at(self, t: float) -> float:
         """The value at time t in seconds; NaN outside the law's domain."""
+
+@final
+class Setup:
+    """A prepared model at a consistent start, with its drive. The model is copied: later changes to it are not seen."""
+
+    def __new__(
+        cls,
+        model: Any,
+        *,
+        qpos: _Vector,
+        qvel: _Vector,
+        laws: list[tuple[int, TimeLaw]],
+        beta: float,
+        k: float,
+        observed: tuple[str, int] | None,
+        conserved: bool,
+        snapshots: list[int],
+    ) -> Setup:
+        """Of an ``MjModel``: positions (nq), velocities (nv), laws of actuators by number, Baumgarte's 1/s and 1/s².
+
+        Besides what to note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies, and
+        the steps whose states are kept whole.
+
+        Raises:
+            InputError: no model, shapes, or no such actuator, entry or site.
+        """
+    def calibration(self, steps: int) -> Run:
+        """MuJoCo's own force through our stepping, against MuJoCo."""
+    def lockstep(
+        self,
+        steps: int,
+        questions: list[tuple[str, MultiplierSolver, list[MultiplierSolver]]],
+        leader: MultiplierSolver | None = None,
+        projector: MultiplierSolver | None = None,
+    ) -> Run:
+        """Every question (form, reference, solvers) along the walk of MuJoCo, or of a solver in the hard form."""
+    def one_step(self, steps: int, asked: list[tuple[str, MultiplierSolver]]) -> Run:
+        """From each of MuJoCo's states, one step of every (form, solver)."""
+    def bare(self, steps: int) -> Run:
+        """``mj_step`` alone, and nothing written down."""
+    def free_mujoco(self, steps: int) -> Run:
+        """MuJoCo walks alone."""
+    def free_solved(
+        self,
+        steps: int,
+        form_name: str,
+        solver: MultiplierSolver,
+        reference: MultiplierSolver,
+        projector: MultiplierSolver | None = None,
+    ) -> Run:
+        """A solver walks alone in a form, held against a reference solver; a projector may end its steps."""
+    def profile(self, steps: int, solver: MultiplierSolver) -> dict[str, Any]:
+        """Where the time of a free run on exact constraints goes.
+
+        parts, by the order of a step, {part: (time in ns, looks at the clock in it)}; whole_ns; look_ns, what a look
+        costs; solves, unconverged, iterations, products and refreshes of the walk; rows and folded_rows of its last
+        step; state, as that of a ``Run``, at its end.
+
+        Raises:
+            InputError: what ended the walk.
+        """
+
+@final
+class Run:
+    """A run on its way, made by a ``Setup``."""
+
+    def advance(self, steps: int) -> int:
+        """Goes on by so many steps and gives the number of steps taken; fewer than asked for: it has ended."""
+    def walk(self, timers: bool = False) -> None:
+        """Takes all steps that are left without writing anything down, MuJoCo's timers standing still or running.
+
+        Raises:
+            InputError: what ended the walk.
+        """
+    @property
+    def end(self) -> tuple[int, float, str, str] | None:
+        """What ended it before its last step: step, time (s), kind and message; raises what MuJoCo raised."""
+    @property
+    def state(self) -> tuple[_Vector, _Vector, float]:
+        """Positions (nq), velocities (nv) and time (s) of the walker."""
+    def tables(self) -> list[dict[str, Any]]:
+        """The rows since the last call: {column: array} for each who answers."""
+    def snapshots(self) -> list[tuple[int, _Vector, _Vector, _Vector]]:
+        """The states kept whole since the last call: (step, qpos, qvel, multipliers)."""
+
+def open_mujoco(path: str) -> None:
+    """Resolves the native step loops from MuJoCo's library at ``path``, which 'import mujoco' must have loaded.
+
+    Raises:
+        InputError: it is another version than the one that this was built against.
+    """
+
+def advance_all(runs: list[Run], steps: int) -> list[int]:
+    """Goes on with many runs by so many steps each, on all cores; gives the number of steps that each took."""
 
 def make_solver(name: str, **options: float) -> MultiplierSolver:
     """Makes a solver by its name, with options as numbers: ``make_solver("sr1", eps_abs=1e-7)``.

@@ -37,7 +37,9 @@ def bench(sizes: list[int] | None = None, rounds: int = ROUNDS) -> Iterator[list
         yield _with_ratios(_core.bench_solvers(n, rounds))
 
 
-def document(rows: list[dict[str, Any]], steps: list[dict[str, Any]]) -> dict[str, Any]:
-    """What ``oarlock bench --json`` writes: the rows of the solvers, and those of ``bench_stepping``."""
+def document(
+    rows: list[dict[str, Any]], steps: list[dict[str, Any]], growth: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """What ``oarlock bench --json`` writes: rows of the solvers, those of ``bench_stepping``, and ``bench_growth``."""
     provenance = {"oarlock": _core.VERSION, "core_profile": _core.BUILD_PROFILE, **occasion()}
-    return {"provenance": provenance, "rows": rows, "stepping": steps}
+    return {"provenance": provenance, "rows": rows, "stepping": steps, "growth": growth}

@@ -226,24 +226,64 @@ def bench(
     model: Annotated[
         list[str] | None, typer.Option(metavar="MODEL", help="Steps only: of this model; may be repeated.")
     ] = None,
+    with_growth: Annotated[
+        bool,
+        typer.Option("--growth", help="Growth only: a step and its parts against the number of loops."),
+    ] = False,
+    growth_report: Annotated[
+        Path | None, typer.Option("--growth-report", metavar="DIR", help="The same, and its page in a folder.")
+    ] = None,
     rounds: Annotated[int, typer.Option(min=1, help="Interleaved rounds, of which the median counts.")] = 9,
     as_json: JsonOption = None,
 ) -> None:
-    """Times solvers beside the pseudo-inverses of Rust's libraries, and steps beside mj_step, as ratios of one run."""
-    from oarlock import bench as benchmark
-    from oarlock import stepping_bench
+    """Times solvers beside the pseudo-inverses of Rust's libraries, and steps beside mj_step, as ratios of one run.
 
-    rows, steps = [], []
-    for table in benchmark.bench(size, rounds) if size or not model else ():
+    With --growth also how the cost of a step grows with the size of a mechanism, and where its time goes.
+    """
+    from oarlock import bench as benchmark
+    from oarlock import growth, stepping_bench
+
+    rows, steps, grown = [], [], None
+    growing = with_growth or growth_report is not None
+    everything = not (size or model or growing)
+    for table in benchmark.bench(size, rounds) if size or everything else ():
         rows += table
         if as_json != "-":
             _print_bench(table)
-    for table in stepping_bench.bench_stepping(model or stepping_bench.MODELS, rounds) if model or not size else ():
+    for table in stepping_bench.bench_stepping(model or stepping_bench.MODELS, rounds) if model or everything else ():
         steps += table
         if as_json != "-":
             _print_stepping_bench(table)
+    if growing:
+        grown = growth.bench_growth(rounds=rounds)
+        if as_json != "-":
+            _print_growth(grown)
+    document = benchmark.document(rows, steps, grown)
     if as_json:
-        emit_json(benchmark.document(rows, steps), as_json)
+        emit_json(document, as_json)
+    if grown and growth_report:
+        from oarlock.growth_report import write_growth_report
+
+        say(f"oarlock: written: {write_growth_report(grown, document['provenance'], growth_report) / 'README.md'}")
+
+
+def _print_growth(grown: dict[str, Any]) -> None:
+    from oarlock.growth import PARTS, STEP
+
+    fits = {(row["name"], row["part"]): row for row in grown["exponents"]}
+    for name in dict.fromkeys(row["name"] for row in grown["rows"]):
+        own = [row for row in grown["rows"] if row["name"] == name]
+        table = Table(box=None, header_style="bold", pad_edge=False, title=name, title_justify="left")
+        table.add_column("µs a step", no_wrap=True)
+        for title in (*(f"N = {row['loops']}" for row in own), "exponent", "of many loops"):
+            table.add_column(title, justify="right", no_wrap=True)
+        costs = {STEP: [row["step_us"] for row in own]}
+        costs |= {part: [row["parts_us"][part] for row in own] for part in own[0]["parts_us"]}
+        for part, values in costs.items():
+            fit = fits[(name, part)]
+            cells = [cell(value) for value in (*values, fit["all"], fit["many"])]
+            table.add_row(PARTS.get(part, f"whole {part}"), *cells)
+        (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
 
 
 def _print_stepping_bench(rows: list[dict[str, Any]]) -> None:

@@ -27,6 +27,8 @@ PRESENTATION = (
     "diff_tolerances.py",
     "explain_command.py",
     "figures.py",
+    "growth.py",
+    "growth_report.py",
     "junit.py",
     "pages.py",
     "report.py",

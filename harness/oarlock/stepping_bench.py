@@ -52,26 +52,38 @@ def _no_tick(_steps: int) -> None:
     pass
 
 
-class _Track:
-    """A model with what is timed on it."""
+class Track:
+    """A model with what is timed on it, by explicit Euler: a step is one solve.
+
+    Raises:
+        InputError: the native path cannot be taken, or there is no such model.
+    """
 
     def __init__(self, name: str, steps: int):
+        if native_path.refusal():
+            raise InputError(f"no native stepping: {native_path.refusal()}")
         case = load_case(name)
         timestep_s = case.file.run.timestep_s or 1e-3
         self._laboratory = Laboratory(case, None, steps * timestep_s, _no_tick)
         self._terms = case.file.baumgarte
         self.steps = steps
 
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model as it walks, its Jacobian left to MuJoCo."""
+        return self._setup(_JACOBIANS["auto"]).model
+
     def contenders(self) -> dict[str, Contender]:
+        """All that a table of steps compares, by name."""
         bare = {
-            f"{BARE}, {name} Jacobian{without}": self._bare(jacobian, **switches)
+            f"{BARE}, {name} Jacobian{without}": self.bare(jacobian, **switches)
             for name, jacobian in _JACOBIANS.items()
             if name != "auto"
             for without, switches in _SWITCHES.items()
         }
-        exact = {f"exact free run, {solver}": self._free(solver) for solver in ("auto", "sr1-tracked")}
+        exact = {f"exact free run, {solver}": self.free(solver) for solver in ("auto", "sr1-tracked")}
         return {
-            BARE: self._bare(_JACOBIANS["auto"]),
+            BARE: self.bare(),
             **bare,
             **exact,
             "lockstep, sr1-tracked, all figures, recorded": self._lockstep(),
@@ -93,14 +105,33 @@ class _Track:
     def _make(self, spec: SolverSpec) -> _core.MultiplierSolver:
         return spec.with_defaults(rank_cut=self._laboratory.case.file.rank_cut).make()
 
-    def _bare(self, jacobian: mujoco.mjtJacobian, islands: bool = True, timers: bool = True) -> Contender:
+    def bare(
+        self, jacobian: mujoco.mjtJacobian = _JACOBIANS["auto"], islands: bool = True, timers: bool = True
+    ) -> Contender:
+        """``mj_step`` alone."""
         core = self._path(self._setup(jacobian, islands)).core
         return lambda: self._timed(partial(core.bare(self.steps).walk, timers))
 
-    def _free(self, solver: str) -> Contender:
+    def free(self, solver: str) -> Contender:
+        """A free run on exact constraints, nothing recorded."""
+        make = self._exact(solver)
+        return lambda: self._timed(make().walk)
+
+    def walked(self, solver: str) -> _core.Run:
+        """The same, at its end."""
+        run = self._exact(solver)()
+        run.walk()
+        return run
+
+    def _exact(self, solver: str) -> Callable[[], _core.Run]:
         core = self._path(self._setup()).core
         own, reference = self._make(SolverSpec(solver)), self._make(SolverSpec(REFERENCE))
-        return lambda: self._timed(core.free_solved(self.steps, "hard", own, reference).walk)
+        return lambda: core.free_solved(self.steps, "hard", own, reference)
+
+    def profile(self, solver: str) -> Callable[[], dict[str, Any]]:
+        """The same walk with looks at the clock between the parts of a step: what ``Setup.profile`` says of it."""
+        core, own = self._path(self._setup()).core, self._make(SolverSpec(solver))
+        return lambda: core.profile(self.steps, own)
 
     def _lockstep(self) -> Contender:
         core = self._path(self._setup()).core
@@ -154,10 +185,8 @@ def bench_stepping(
     Raises:
         InputError: the native path cannot be taken, or there is no such model.
     """
-    if native_path.refusal():
-        raise InputError(f"no native stepping: {native_path.refusal()}")
     for model in models:
-        contenders = _Track(model, steps).contenders()
+        contenders = Track(model, steps).contenders()
         times: dict[str, list[float]] = {name: [] for name in contenders}
         for _ in range(rounds):
             for name, once in contenders.items():

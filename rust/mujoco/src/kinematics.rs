@@ -22,7 +22,7 @@ use std::ffi::c_int;
 use std::ops::Range;
 
 use crate::library::{Data, Model};
-use crate::vectors::{Vector, at, cross, minus, plus, sum};
+use crate::vectors::{Vector, at, cross, minus, plus};
 
 /// The body that never moves.
 const WORLD: usize = 0;

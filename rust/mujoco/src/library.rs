@@ -14,6 +14,7 @@
 mod data;
 mod ffi;
 mod hook;
+mod jacobian;
 mod model;
 
 use std::ffi::{CStr, CString, c_char, c_int};
@@ -23,6 +24,7 @@ use std::{ptr, slice};
 pub use data::Data;
 use ffi::{oarlock_header_version, oarlock_open};
 pub use hook::{Controls, with_controls, without_timers};
+pub use jacobian::Jacobian;
 pub use model::{
     EQ_CONNECT, EQ_DATA, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Integrator, Model, WRAP_CYLINDER, WRAP_JOINT,
     WRAP_PULLEY, WRAP_SITE,

@@ -9,7 +9,7 @@ use oarlock_core::{ConstrainedSystem, FactoredStep, MultiplierSolver, Wanted};
 
 use crate::error::Error;
 use crate::inertia::Inertia;
-use crate::library::{Data, Model};
+use crate::library::{Data, Jacobian, Model};
 use crate::vectors::{largest, sum, times};
 
 /// Newton's rounds square the gap: from a gap that is worth projecting, three reach rounding.
@@ -70,7 +70,7 @@ pub struct Projector {
     iterations: i64,
     inertia: Inertia,
     zero: Vec<f64>,
-    jacobian: Vec<f64>,
+    jacobian: Jacobian,
     wanted: Vec<f64>,
     multipliers: Vec<f64>,
     qfrc: Vec<f64>,
@@ -97,7 +97,7 @@ impl Projector {
             iterations: 0,
             inertia: Inertia::new(nv),
             zero: vec![0.0; nv],
-            jacobian: Vec::new(),
+            jacobian: Jacobian::default(),
             wanted: Vec::new(),
             multipliers: Vec::new(),
             qfrc: vec![0.0; nv],
@@ -163,11 +163,9 @@ impl Projector {
     }
 
     fn velocities(&mut self, data: &mut Data) -> Result<(), Error> {
-        let nv = data.model().nv();
-        self.jacobian.resize(data.ne() * nv, 0.0);
-        data.copy_jacobian(&mut self.jacobian);
+        self.jacobian.read(data);
         self.wanted.resize(data.ne(), 0.0);
-        times(&self.jacobian, data.qvel(), &mut self.wanted);
+        times(self.jacobian.entries(), data.qvel(), &mut self.wanted);
         let mut error = largest(&self.wanted);
         for _ in 0..MAX_ROUNDS {
             if error <= f64::EPSILON * self.largest_sum(data.qvel()) {
@@ -178,7 +176,7 @@ impl Projector {
             for ((changed, given), step) in self.changed.iter_mut().zip(data.qvel()).zip(&self.step) {
                 *changed = given + step;
             }
-            times(&self.jacobian, &self.changed, &mut self.wanted);
+            times(self.jacobian.entries(), &self.changed, &mut self.wanted);
             let after = largest(&self.wanted);
             if !after.lt(&error) {
                 return Ok(());
@@ -193,16 +191,14 @@ impl Projector {
     fn largest_sum(&self, velocity: &[f64]) -> f64 {
         let row_sum =
             |row: &[f64]| sum(row.iter().zip(velocity).map(|(entry, rate)| entry.abs() * rate.abs()));
-        self.jacobian.chunks_exact(velocity.len()).map(row_sum).fold(0.0, f64::max)
+        self.jacobian.entries().chunks_exact(velocity.len()).map(row_sum).fold(0.0, f64::max)
     }
 
     /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ.
     fn correct(&mut self, data: &mut Data) -> Result<(), Error> {
-        let nv = data.model().nv();
-        self.jacobian.resize(data.ne() * nv, 0.0);
-        data.copy_jacobian(&mut self.jacobian);
+        self.jacobian.read(data);
         let step = FactoredStep {
-            jacobian: &self.jacobian,
+            jacobian: self.jacobian.entries(),
             unconstrained: &self.zero,
             aref: &self.wanted,
             regularisation: None,

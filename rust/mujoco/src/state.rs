@@ -6,7 +6,7 @@ use oarlock_core::{ConstrainedSystem, FactoredStep};
 use crate::curvature::Curvature;
 use crate::error::Error;
 use crate::inertia::Inertia;
-use crate::library::{Data, Model};
+use crate::library::{Data, Jacobian, Model};
 
 /// The form of a question.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,7 +34,7 @@ pub struct State {
     inertia: Inertia,
     unconstrained: Vec<f64>,
     softness: Vec<f64>,
-    jacobian: Vec<f64>,
+    jacobian: Jacobian,
     curvature: Vec<f64>,
     aref: Vec<f64>,
 }
@@ -52,7 +52,7 @@ impl State {
             inertia: Inertia::new(model.nv()),
             unconstrained: vec![0.0; model.nv()],
             softness: Vec::new(),
-            jacobian: Vec::new(),
+            jacobian: Jacobian::default(),
             curvature: Vec::new(),
             aref: Vec::new(),
         })
@@ -66,21 +66,20 @@ impl State {
         if data.nefc() != data.ne() {
             return Err(Error::Inequalities { time: data.time() });
         }
-        let (ne, nv) = (data.ne(), data.model().nv());
+        let ne = data.ne();
         if self.curvature.len() != ne {
             self.curvature.resize(ne, 0.0);
             self.aref.resize(ne, 0.0);
             self.softness.resize(ne, 0.0);
-            self.jacobian.resize(ne * nv, 0.0);
         }
-        data.copy_jacobian(&mut self.jacobian);
+        self.jacobian.read(data);
         self.rows.write(data, &mut self.curvature)
     }
 
     /// J, ne×nv, row-major.
     #[must_use]
     pub fn jacobian(&self) -> &[f64] {
-        &self.jacobian
+        self.jacobian.entries()
     }
 
     /// J̇v, ne, m/s² or rad/s².
@@ -94,6 +93,20 @@ impl State {
     /// # Errors
     /// Those of [`Inertia::assemble`].
     pub fn ask(&mut self, data: &mut Data, form: Form, system: &mut ConstrainedSystem) -> Result<(), Error> {
+        self.ask_by(data, form, system, Data::whiten)
+    }
+
+    /// The same with somebody else's call of [`Data::whiten`]: for timing it.
+    ///
+    /// # Errors
+    /// As [`ask`](Self::ask).
+    pub fn ask_by(
+        &mut self,
+        data: &mut Data,
+        form: Form,
+        system: &mut ConstrainedSystem,
+        whiten: impl FnMut(&mut Data, &mut [f64], &[f64], &[f64]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
         match form {
             Form::Matched => {
                 self.aref.copy_from_slice(data.aref());
@@ -108,12 +121,12 @@ impl State {
         }
         self.unconstrained.copy_from_slice(data.qacc_smooth());
         let step = FactoredStep {
-            jacobian: &self.jacobian,
+            jacobian: self.jacobian.entries(),
             unconstrained: &self.unconstrained,
             aref: &self.aref,
             regularisation: (form == Form::Matched).then_some(&self.softness[..]),
         };
-        self.inertia.assemble(data, &step, system)
+        self.inertia.assemble_by(data, &step, system, whiten)
     }
 
     /// Accelerations and constraint forces of multipliers, as [`Inertia::acceleration`].

@@ -1,6 +1,7 @@
 //! The native step loops for Python.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
 use oarlock_mujoco as native;
@@ -170,6 +171,37 @@ impl Setup {
             experiments::free_solved(&self.inner, form, fresh(&solver), projector, fresh(&reference), steps),
         )
     }
+
+    /// Where the time of a free run on exact constraints goes, as a dictionary: parts, by the order of a step, {part: (time in
+    /// ns, looks at the clock in it)}; `whole_ns`; `look_ns`, what a look costs; solves, unconverged, iterations, products and
+    /// refreshes of the walk; rows and `folded_rows` of its last step; state, as that of a `Run`, at its end.
+    fn profile<'py>(
+        &self,
+        py: Python<'py>,
+        steps: usize,
+        solver: SolverRef<'_>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let solver = fresh(&solver);
+        let walked = py.detach(|| experiments::profile(&self.inner, solver, steps));
+        let profile = walked.map_err(|error| raised(py, &error))?;
+        let parts = PyDict::new(py);
+        for (part, spent) in experiments::Part::ALL.iter().zip(&profile.spent) {
+            parts.set_item(part.name(), (nanoseconds(spent.time), spent.looks))?;
+        }
+        let (dict, tally) = (PyDict::new(py), profile.tally);
+        dict.set_item("parts", parts)?;
+        dict.set_item("whole_ns", nanoseconds(profile.whole))?;
+        dict.set_item("look_ns", profile.look_ns)?;
+        dict.set_item("solves", tally.solves)?;
+        dict.set_item("unconverged", tally.unconverged)?;
+        dict.set_item("iterations", tally.iterations)?;
+        dict.set_item("products", tally.products)?;
+        dict.set_item("refreshes", tally.refreshes)?;
+        dict.set_item("rows", profile.rows[0])?;
+        dict.set_item("folded_rows", profile.rows[1])?;
+        dict.set_item("state", state_of(py, &profile.data))?;
+        Ok(dict)
+    }
 }
 
 impl Setup {
@@ -193,6 +225,14 @@ pub struct Run {
 }
 
 type State<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64);
+fn state_of<'py>(py: Python<'py>, data: &native::library::Data) -> State<'py> {
+    (data.qpos().to_vec().into_pyarray(py), data.qvel().to_vec().into_pyarray(py), data.time())
+}
+
+fn nanoseconds(time: Duration) -> f64 {
+    1e9 * time.as_secs_f64()
+}
+
 type Snapshot<'py> = (usize, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
 #[pymethods]
@@ -231,8 +271,7 @@ impl Run {
     /// Positions (nq), velocities (nv) and time (s) of the walker.
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> State<'py> {
-        let data = self.inner.data();
-        (data.qpos().to_vec().into_pyarray(py), data.qvel().to_vec().into_pyarray(py), data.time())
+        state_of(py, self.inner.data())
     }
 
     /// The rows since the last call: for each who answers {column: array}; words as lists, lists as (all numbers, lengths).

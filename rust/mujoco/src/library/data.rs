@@ -33,7 +33,7 @@ pub struct Data {
     model: Arc<Model>,
     raw: NonNull<c_void>,
     view: DataView,
-    rows: RowsView,
+    pub(super) rows: RowsView,
 }
 
 // SAFETY: it is nobody else's, and MuJoCo keeps nothing about it in the thread.
@@ -289,34 +289,6 @@ impl Data {
     #[must_use]
     pub fn nefc(&self) -> usize {
         size(self.rows.nefc)
-    }
-
-    /// Copies J of the equality rows into `jacobian`, ne×nv, row-major.
-    ///
-    /// # Panics
-    /// If `jacobian` is not of this length.
-    pub fn copy_jacobian(&self, jacobian: &mut [f64]) {
-        let (ne, nv) = (self.ne(), self.model.nv());
-        assert_eq!(jacobian.len(), ne * nv);
-        let entries = size(self.rows.njacobian);
-        // SAFETY: nJ is the number of entries of the array, dense or not, after constraints were made.
-        let given =
-            unsafe { array(self.rows.jacobian, if self.model.is_sparse() { entries } else { ne * nv }) };
-        if !self.model.is_sparse() {
-            jacobian.copy_from_slice(given);
-            return;
-        }
-        // SAFETY: rows of nefc, columns of nJ.
-        let (counts, starts, columns) = unsafe {
-            (array(self.rows.rownnz, ne), array(self.rows.rowadr, ne), array(self.rows.colind, entries))
-        };
-        jacobian.fill(0.0);
-        for (row, (&count, &start)) in jacobian.chunks_exact_mut(nv).zip(counts.iter().zip(starts)) {
-            let range = size(start.into())..size(start.into()) + size(count.into());
-            for (&column, &value) in columns[range.clone()].iter().zip(&given[range]) {
-                row[size(column.into())] = value;
-            }
-        }
     }
 }
 
