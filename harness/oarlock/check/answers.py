@@ -35,6 +35,11 @@ def row_unit(label: str, kind: str, unit: str) -> str:
     return SINE if kind == "weld" and re.search(r"\[[345]\]$", label) else unit
 
 
+def percent(part: float) -> str:
+    """A share for reading; it may be beyond 100 % or below 0."""
+    return f"{round(100.0 * part)} %" if np.isfinite(part) else "–"
+
+
 # 4
 
 
@@ -47,11 +52,11 @@ def why(found: Examination) -> Chapter:
     worst = found.attribution.worst
     chapter.say(
         f"'{worst.label}' is off by {number(worst.worst)} {_share_unit(found, worst)} at t = {worst.time_s:.6g} s, of "
-        f"which {worst.shares[worst.leading]:.0%} is {CAUSE_WORDS[worst.leading]}."
+        f"which {percent(worst.shares[worst.leading])} is {CAUSE_WORDS[worst.leading]}."
     )
     chapter.say(
-        "Every row is a damped oscillator that its own force drives: r̈ + B ṙ + K d r = −R f + m − ε. Its deviation r is "
-        "the sum of the parts below, with sign; parts may exceed it and oppose one another. Softness: −R f with the "
+        "Every row is a damped oscillator that its own force drives: r̈ + B ṙ + K d r = −R f + m − ε. Its deviation r "
+        "is the sum of the parts below, with sign; parts may exceed it and oppose one another. Softness: −R f with the "
         "force f of a solver without error. Missing J̇v: m, what MuJoCo leaves out on joint and tendon rows. Solver: "
         "what its solver left. Start: an open start. Time stepping: what the integrator did otherwise than the "
         f"oscillator, with controls held over a step. The law holds to {number(found.attribution.defect)} here."
@@ -68,7 +73,7 @@ def why(found: Examination) -> Chapter:
                 f"{number(share.worst)} {_share_unit(found, share)}",
                 f"{share.time_s:.6g}",
                 CAUSE_WORDS[share.leading],
-                *(f"{number(share.parts[cause])} ({share.shares[cause]:.0%})" for cause in CAUSES),
+                *(f"{number(share.parts[cause])} ({percent(share.shares[cause])})" for cause in CAUSES),
             )
             for share in shares
         ],
@@ -80,7 +85,7 @@ def why(found: Examination) -> Chapter:
         [
             (
                 share.name,
-                *(f"{share.over_run[cause]:.0%}" for cause in CAUSES),
+                *(percent(share.over_run[cause]) for cause in CAUSES),
                 f"{number(share.total)} {_share_unit(found, share)}",
                 number(share.work),
             )
@@ -89,8 +94,8 @@ def why(found: Examination) -> Chapter:
     )
     lost = float(np.abs(found.attribution.recording.energy_error).max(initial=0.0))
     chapter.say(
-        f"Energy that came from nowhere, at most: {number(lost, 'J')}. An exact loop does no work; work below 0 is energy "
-        "that the loop lost."
+        f"Energy that came from nowhere, at most: {number(lost, 'J')}. An exact loop does no work; work below 0 is "
+        "energy that the loop lost."
     )
     return chapter
 
@@ -138,8 +143,8 @@ def remedy(found: Examination) -> Chapter:
         )
         chapter.code(recipe.conserving.setting.mjcf)
     chapter.say(
-        "Every run that was made. Drift: the largest deviation of any row. Cost: time of the run relative to the run as "
-        "authored, measured on this machine."
+        "Every run that was made. Drift: the largest deviation of any row. Cost: time of the run relative to the run "
+        "as authored, measured on this machine."
     )
     chapter.table(
         "trials",
@@ -233,8 +238,8 @@ def forces(found: Examination) -> Chapter:
     else:
         chapter.say(
             "Largest values of the run. A multiplier has a part that the motion determines, on which every solver must "
-            "agree, and one that does not change the motion, which only the solver decides. Exact multipliers are those "
-            "of the minimum norm."
+            "agree, and one that does not change the motion, which only the solver decides. Exact multipliers are of "
+            "the least norm."
         )
         ours = {one.equality: one for one in found.determined}
         theirs = {one.equality: one for one in found.given}

@@ -44,7 +44,10 @@ def head(found: Examination) -> str:
     active = int(np.count_nonzero(model.eq_active0))
     told = "1 equality" if model.neq == 1 else f"{model.neq} equalities"
     off = model.neq - active
-    text = f"{told}{f' ({off} switched off)' if off else ''}, {counted(model.nv, 'degree')} of freedom without them. "
+    without = "it" if model.neq == 1 else "them"
+    text = (
+        f"{told}{f' ({off} switched off)' if off else ''}, {counted(model.nv, 'degree')} of freedom without {without}. "
+    )
     integrator = found.recording.integrator if found.recording else ""
     text += f"The run: {found.duration_s:g} s in {found.steps} steps of {found.timestep_s:g} s"
     text += f", integrator {integrator}" if integrator else ""

@@ -1,4 +1,4 @@
-"""The moving mechanism: MuJoCo's run beside the exact one, as points on a plane, with the gaps of its loops exaggerated.
+"""The moving mechanism: MuJoCo's run beside the exact one, as points on a plane, the gaps of its loops exaggerated.
 
 A body is a star, as in ``oarlock.sketch``: lines from its first joint to what is fixed to it. A gap is exaggerated by
 moving the two points of a connect or weld apart along it; the bodies' lines follow. Poses are MuJoCo's own.
@@ -177,8 +177,8 @@ class Motion:
         )
         return (
             f"MuJoCo{exact}, {times}: the two points of every connect and weld are drawn so far apart, in red. The "
-            f"largest gap is {number(self.gap, 'm')}, at t = {self.times[self.worst]:.6g} s. Angles and couplings are not "
-            "exaggerated."
+            f"largest gap is {number(self.gap, 'm')}, at t = {self.times[self.worst]:.6g} s. Angles and couplings are "
+            "not exaggerated."
         )
 
     def document(self) -> dict[str, Any]:
@@ -303,10 +303,11 @@ def still(moving: Motion) -> str:
     parts = []
     for column, (title, frames) in enumerate(moving.sides.items()):
         at = min(moving.worst, len(frames) - 1)
-        content = _drawing(moving, frames[at])
+        content, left = _drawing(moving, frames[at]), column * (SIDE + gutter)
+        words = html.escape(f"{title}, t = {moving.times[at]:.4g} s")
         parts.append(
-            f'<svg x="{column * (SIDE + gutter)}" y="{label}" width="{SIDE}" height="{moving.height}">{content}</svg>'
-            f'<text x="{column * (SIDE + gutter) + 10}" y="36" font-size="32">{html.escape(_side(moving, title, at))}</text>'
+            f'<svg x="{left}" y="{label}" width="{SIDE}" height="{moving.height}">{content}</svg>'
+            f'<text x="{left + 10}" y="36" font-size="32">{words}</text>'
         )
     total = moving.height + label
     return (
@@ -314,10 +315,6 @@ def still(moving: Motion) -> str:
         f'height="{total // 2}" font-family="sans-serif"><rect width="{width}" height="{total}" fill="#fff"/>'
         f"{''.join(parts)}</svg>\n"
     )
-
-
-def _side(moving: Motion, title: str, at: int) -> str:
-    return f"{title}, t = {moving.times[at]:.4g} s"
 
 
 def _drawing(moving: Motion, points: np.ndarray) -> str:

@@ -8,13 +8,13 @@ import polars as pl
 
 from oarlock.check.answers import CAUSE_WORDS, row_unit
 from oarlock.check.blocks import plain
-from oarlock.check.examination import Examination
 from oarlock.check.exact import ExactRun
+from oarlock.check.examination import Examination
 from oarlock.check.layout import Layout
 from oarlock.check.recording import Recording
 from oarlock.check.row_law import CAUSES, Attribution, Share
 from oarlock.check.wrenches import Wrench
-from oarlock.figures import COLOURS, WIDTH, envelope, log_axis, log_scale, sampled
+from oarlock.figures import COLOURS, WIDTH, envelope, log_axis, sampled
 from oarlock.report import Figure
 
 PANELS = 6
@@ -174,8 +174,8 @@ def causes(found: Examination) -> Figure | None:
         for when in ("at the worst moment", "over the whole run")
     ]
     caption = (
-        "Parts of the drift by cause, with sign; they add up to 100 %. Above at the worst moment of each equality's worst "
-        "row, below over all its rows and the whole run."
+        "Parts of the drift by cause, with sign; they add up to 100 %. Above at the worst moment of each equality's "
+        "worst row, below over all its rows and the whole run."
     )
     return Figure("causes", caption, alt.vconcat(*panels))
 
@@ -271,8 +271,9 @@ def pareto(found: Examination) -> Figure | None:
         [{"cost": one.cost, "value": max(one.drift, FLOOR)} for one in recipe.pareto if one.cost > 0.0]
     )
     y = log_axis([*frame["value"], recipe.target], "drift (m or rad)")
-    scale, axis = log_scale(frame["cost"])
-    axis.format = "~g"
+    ends = [0.5 * min(frame["cost"].to_list()), 2.0 * max(frame["cost"].to_list())]
+    scale = alt.Scale(type="log", domain=ends, nice=False)
+    axis = alt.Axis(format="~g", tickCount=6, labelOverlap=True)
     x = alt.X("cost:Q", title="cost (time, as authored = 1)", scale=scale, axis=axis)
     layers: list[alt.Chart] = []
     if len(front) > 1:
@@ -305,8 +306,8 @@ def pareto(found: Examination) -> Figure | None:
         )
     )
     caption = (
-        "Drift against cost of the runs from the user's own start; dashed: what no other run beats in both, and across "
-        "it the wanted drift. Runs that diverged are left out."
+        "Drift against cost of the runs from the user's own start; dashed: those that no other beats in both; green: "
+        "the wanted drift. Runs that diverged are left out."
     )
     return Figure("pareto", caption, alt.layer(*layers).properties(width=WIDTH, height=240))
 
@@ -341,8 +342,9 @@ def _wrench_figure(found: Examination, number: int, given: Wrench | None, determ
     if not runs:
         return None
     some = runs[0][1]
-    body = 1 if some.ends and some.ends[0] == "world" and len(some.ends) > 1 else 0
-    axes = f" (axes of {plain(some.ends[body])})" if some.frames else ""
+    ends = [plain(end) for end in some.ends]
+    body = 1 if len(ends) > 1 and ends[0] == "world" else 0
+    axes = f" (axes of {ends[body]})" if some.frames else ""
     panels: list[alt.Chart] = []
     for name, unit in (("force", "N"), ("torque", "N m"), ("ends", some.units[0] if some.units else "")):
         if getattr(some.total, name) is None:
@@ -352,13 +354,13 @@ def _wrench_figure(found: Examination, number: int, given: Wrench | None, determ
             if part == "free" and max(_largest(np.abs(values)) for _, _, values in curves) <= _negligible(runs, name):
                 continue
             words = {"determined": "determined", "free": "not determined by the motion"}[part]
-            what = f"on {plain(some.ends[0])}" if name == "ends" else name
+            what = f"on {ends[0]}" if name == "ends" else name
             panels.append(_components(curves, f"{what}, {words}{axes}", unit, single=name == "ends"))
     if not panels:
         return None
-    ends = " and ".join(plain(end) for end in some.ends)
-    on = f"on {plain(some.ends[0])}, the opposite on the other" if some.frames else "along the joint or tendon"
-    caption = f"What goes through '{plain(some.equality)}' between {ends}: {on}. Solid: MuJoCo; dashed: exact."
+    on = f"on {ends[0]}, the opposite on the other" if some.frames else "along the joint or tendon"
+    between = " and ".join(ends)
+    caption = f"What goes through '{plain(some.equality)}' between {between}: {on}. Solid: MuJoCo; dashed: exact."
     return Figure(f"forces-{number}", caption, alt.vconcat(*panels).resolve_scale(color="independent"))
 
 
