@@ -98,7 +98,8 @@ class Skeleton:
         if self.model.body_mass[body] > 0.0 or not points:
             points.append(self._point("centre", body))
         if own:
-            (self.joints if self.model.body_parentid[body] else self.grounded).append(hub)
+            free = self.model.jnt_type[self.model.body_jntadr[body]] == mujoco.mjtJoint.mjJNT_FREE
+            (self.joints if free or self.model.body_parentid[body] else self.grounded).append(hub)
         name = plain(element_name(self.model, _BODY, body))
         self.bodies.append((name, [(hub, point) for point in dict.fromkeys(points) if point != hub]))
 
@@ -170,15 +171,11 @@ class Motion:
             return (
                 f"MuJoCo{exact}. No loop of this model has two points that could gape; its couplings are dashed lines."
             )
-        times = (
-            "gaps as they are"
-            if self.factor == 1.0
-            else f"gaps of the loops exaggerated {number(int(self.factor))} times"
-        )
+        factor = number(int(self.factor))
+        times = "gaps as they are" if self.factor == 1.0 else f"the gaps of its loops exaggerated {factor} times"
         return (
-            f"MuJoCo{exact}, {times}: the two points of every connect and weld are drawn so far apart, in red. The "
-            f"largest gap is {number(self.gap, 'm')}, at t = {self.times[self.worst]:.6g} s. Angles and couplings are "
-            "not exaggerated."
+            f"MuJoCo{exact}, {times}: red lines join the two points of every connect and weld. The largest gap is "
+            f"{number(self.gap, 'm')}, at t = {self.times[self.worst]:.6g} s. Angles and couplings are not exaggerated."
         )
 
     def document(self) -> dict[str, Any]:

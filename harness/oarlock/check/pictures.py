@@ -48,8 +48,8 @@ def _colours(colours: dict[str, str], field: str) -> alt.Color:
     return alt.Color(f"{field}:N", title=None, scale=scale, legend=alt.Legend(orient="top"))
 
 
-def _engines() -> alt.Color:
-    return _colours({who: COLOURS[who] for who in (MUJOCO, EXACT)}, "who")
+def _engines(*, both: bool) -> alt.Color:
+    return _colours({who: COLOURS[who] for who in (MUJOCO, EXACT)[: 1 + both]}, "who")
 
 
 def _rounded(frame: pl.DataFrame, digits: int = 5) -> pl.DataFrame:
@@ -100,7 +100,7 @@ def drift(found: Examination) -> Figure | None:
                 .encode(
                     x=_time(),
                     y=log_axis(frame["value"], f"drift ({unit})"),
-                    color=_engines(),
+                    color=_engines(both=found.exact is not None),
                     tooltip=["who:N", "time:Q", alt.Tooltip("value:Q", title=f"drift ({unit})", format=".3g")],
                 )
                 .properties(width=WIDTH, height=120)
