@@ -12,7 +12,7 @@ from oarlock.check.blocks import Chapter, Picture, Stage, Table, plain
 from oarlock.check.examination import Examination
 from oarlock.check.findings import SEVERITIES, Finding, catalogue, worst_first
 from oarlock.check.motion import Motion, motion, still
-from oarlock.report import Figure, render, require_report, script_json, script_library, write_whole
+from oarlock.report import render, require_report, script_json, script_library, write_whole
 
 CONTENTS = ("README.md", "figures", "index.html")
 """What a report consists of. A folder that holds anything else is not replaced."""
@@ -47,16 +47,17 @@ def write_page(found: Examination, findings: Sequence[Finding], folder: Path) ->
     every = _illustrated(found, moving)
     values = _values(found, findings, every)
     drawn = [block.figure for chapter in every for block in chapter.blocks if isinstance(block, Picture)]
+    specs = {figure.name: figure.chart.to_dict() for figure in drawn}
     page = render(
         "check.page.html.j2",
         escaping=True,
         **values,
-        specs=script_json({figure.name: figure.chart.to_dict() for figure in drawn}),
+        specs=script_json(specs),
         motion=script_json(moving.document() if moving else None),
         library=script_library(),
     )
     text = render("check.md.j2", **values, md=markdown_text, still=STILL)
-    return write_whole(folder, lambda new: _write(new, text, page, drawn, moving))
+    return write_whole(folder, lambda new: _write(new, text, page, specs, moving))
 
 
 def html_fragment(found: Examination, findings: Sequence[Finding]) -> str:
@@ -64,11 +65,10 @@ def html_fragment(found: Examination, findings: Sequence[Finding]) -> str:
     return render("check.fragment.html.j2", escaping=True, **_values(found, findings, _chapters(found)))
 
 
-def _write(folder: Path, text: str, page: str, drawn: list[Figure], moving: Motion | None) -> None:
+def _write(folder: Path, text: str, page: str, specs: dict[str, Any], moving: Motion | None) -> None:
     (folder / "figures").mkdir()
-    for figure in drawn:
-        svg = vl_convert.vegalite_to_svg(figure.chart.to_json())
-        (folder / "figures" / f"{figure.name}.svg").write_text(svg, encoding="utf-8")
+    for name, spec in specs.items():
+        (folder / "figures" / f"{name}.svg").write_text(vl_convert.vegalite_to_svg(spec), encoding="utf-8")
     if moving is not None:
         (folder / "figures" / f"{STILL}.svg").write_text(still(moving), encoding="utf-8")
     (folder / "README.md").write_text(text, encoding="utf-8")
