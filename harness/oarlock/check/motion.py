@@ -95,7 +95,7 @@ class Skeleton:
             first = self._joints_of(child)[:1]
             points += [self._point("joint", joint) for joint in first] or [self._point("body", child)]
         points += [ends[one.index, end] for one in self._closing for end in (0, 1) if one.bodies[end] == body]
-        if self.model.body_mass[body] > 0.0 or not points:
+        if not points:
             points.append(self._point("centre", body))
         if own:
             free = self.model.jnt_type[self.model.body_jntadr[body]] == mujoco.mjtJoint.mjJNT_FREE
