@@ -9,6 +9,8 @@ import altair as alt
 import numpy as np
 import polars as pl
 
+from oarlock.sketch import VIEW
+
 WIDTH, HEIGHT = 720, 180
 SAMPLES = 400
 """Points of a curve. More would make the files large and show nothing new at this width."""
@@ -26,6 +28,7 @@ NAMED = 12
 """Bodies that a legend has room for."""
 
 COLOURS = {
+    "MuJoCo": "#d95f02",
     "MuJoCo default": "#d95f02",
     "MuJoCo stiff": "#e6ab02",
     "exact": "#1f78b4",
@@ -244,16 +247,12 @@ def iterations(steps: pl.DataFrame, counted: pl.DataFrame, paper: float | None) 
     return alt.hconcat(line.properties(width=WIDTH - 180, height=HEIGHT), histogram)
 
 
-_VIEW = np.array([[0.80, 0.60, 0.0], [-0.28, 0.37, 0.886]])
-"""Rows: the screen's right and up in world coordinates; a parallel projection with z up."""
-
-
 def _view(sketch: dict[str, Any]) -> np.ndarray:
     """The usual projection; for a mechanism in a coordinate plane, that plane."""
     points = np.array([p for body in sketch["bodies"] for p in (body["hub"], *body["points"])], dtype=float)
     extent = np.ptp(points.reshape(-1, 3), axis=0)
     flat = extent <= 1e-6 * extent.max()
-    return np.eye(3)[~flat] if flat.sum() == 1 else _VIEW
+    return np.eye(3)[~flat] if flat.sum() == 1 else VIEW
 
 
 def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:

@@ -13,7 +13,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -241,11 +241,21 @@ def page(
     return _ESCAPING.get_template("page.html.j2").render(
         title=title,
         body=parser.render(text),
-        specs=json.dumps(specs, ensure_ascii=False).replace("<", "\\u003c"),
-        library=_library().replace("</script", "<\\/script"),
+        specs=script_json(specs),
+        library=script_library(),
         timings=timed,
         occasion={key: provenance.get(key) for key in OCCASION},
     )
+
+
+def script_json(value: Any) -> str:
+    """JSON that cannot end the script that it stands in."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def script_library() -> str:
+    """The chart library as it stands in a script."""
+    return _library().replace("</script", "<\\/script")
 
 
 @functools.cache
@@ -266,9 +276,9 @@ def _library() -> str:
     return bundle
 
 
-def render(template: str, **values: Any) -> str:
-    """A template of the package with the filters of the reports."""
-    return _TEMPLATES.get_template(template).render(**values)
+def render(template: str, *, escaping: bool = False, **values: Any) -> str:
+    """A template of the package with the filters of the reports; with ``escaping`` for HTML."""
+    return (_ESCAPING if escaping else _TEMPLATES).get_template(template).render(**values)
 
 
 def timings(tables: Tables) -> dict[str, Any]:
@@ -287,18 +297,32 @@ def write_report(results: Path, target: Path) -> Path:
         InputError: the results are missing or not whole, or the target cannot be written or is not a report.
     """
     tables = Tables(ResultFolder(results))
-    if target.exists() and not target.is_dir():
-        raise InputError(f"'{target}' is a file, expected a new folder or an old report")
-    foreign = sorted(path.name for path in target.iterdir() if path.name not in CONTENTS) if target.exists() else []
-    if foreign:
-        raise InputError(f"'{target}' holds '{foreign[0]}', expected a new folder or an old report and nothing else")
+    require_report(target, CONTENTS)
     drawn = draw(tables)
     text = markdown(tables, drawn)
+    return write_whole(target, lambda folder: _write(folder, tables, text, drawn))
+
+
+def require_report(target: Path, contents: Sequence[str]) -> None:
+    """Raises InputError where a folder holds anything but an old report of these contents, or is a file."""
+    if target.exists() and not target.is_dir():
+        raise InputError(f"'{target}' is a file, expected a new folder or an old report")
+    foreign = sorted(path.name for path in target.iterdir() if path.name not in contents) if target.exists() else []
+    if foreign:
+        raise InputError(f"'{target}' holds '{foreign[0]}', expected a new folder or an old report and nothing else")
+
+
+def write_whole(target: Path, write: Callable[[Path], None]) -> Path:
+    """Has a folder written under a temporary name, which then takes the place of the old one.
+
+    Raises:
+        InputError: it cannot be written.
+    """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
         try:
-            _write(temporary, tables, text, drawn)
+            write(temporary)
             temporary.chmod(0o755)
             _replace(target, temporary)
         finally:

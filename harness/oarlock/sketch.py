@@ -11,6 +11,9 @@ from oarlock.spool import Spool
 
 TRACE_POINTS = 240
 
+VIEW = np.array([[0.80, 0.60, 0.0], [-0.28, 0.37, 0.886]])
+"""Rows: the screen's right and up in world coordinates; a parallel projection with z up."""
+
 
 def traced(steps: Spool) -> np.ndarray:
     """Finite positions of a run, (steps, nq), at as many of its steps as a trace has points."""
