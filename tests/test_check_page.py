@@ -115,10 +115,8 @@ def scripts(page):
     """Charts and motion that the page hands to its scripts."""
     specs = next(text for text in page.texts["script"] if "const specs" in text)
     moving = next(text for text in page.texts["script"] if "const motion" in text)
-    return tuple(
-        json.loads(re.search(rf"^const {name} = (.*);$", text, re.MULTILINE)[1])
-        for name, text in (("specs", specs), ("motion", moving))
-    )
+    found = [re.search(rf"^const {name} = (.*);$", text, re.M) for name, text in (("specs", specs), ("motion", moving))]
+    return tuple(json.loads(one[1]) for one in found if one)
 
 
 # What it says.
@@ -163,7 +161,7 @@ def test_markdown_and_page_have_the_same_tables(pages):
     for folder in pages.values():
         tokens = MarkdownIt("commonmark").enable("table").parse((folder / "README.md").read_text(encoding="utf-8"))
         cells = [tokens[at + 1] for at, token in enumerate(tokens) if token.type == "td_open"]
-        written = ["".join(child.content for child in cell.children) for cell in cells]
+        written = ["".join(child.content for child in cell.children or ()) for cell in cells]
         page = page_of(folder)
         shown = [cell for table in page.tables for row in table[1:] for cell in row]
         own = 5 * 3  # the table of findings, which the page has as a list
@@ -259,6 +257,7 @@ def test_markdown_gives_a_name_back(name):
     (token,) = [
         one for one in MarkdownIt("gfm-like", {"linkify": False}).parse(f"x {markdown_text(name)}") if one.children
     ]
+    assert token.children
     assert {child.type for child in token.children} <= {"text", "text_special"}
     assert "".join(child.content for child in token.children) == f"x {plain(name)}"
 
@@ -317,6 +316,7 @@ def test_a_point_of_the_world_stays():
     for part in examine(found):
         if part == "run":
             break
+    assert found.recording
     skeleton = Skeleton(found.model, found.recording.layout.equalities)
     points = skeleton.read(found.recording.qpos)
     wide = skeleton.exaggerated(points, 1000.0)
@@ -332,6 +332,7 @@ def test_gaps_over_time_are_openings():
         if part == "run":
             break
     recording = found.recording
+    assert recording
     (place,) = [at for at, one in enumerate(recording.layout.equalities) if one.kind == "weld"]
     series = pictures.gaps(recording, recording, place)
     for step in (0, 50, recording.steps - 1):
@@ -377,6 +378,7 @@ def test_pages_are_small(pages, tmp_path):
     for folder in folders:
         assert (folder / "index.html").stat().st_size < MEGABYTES * 1e6
     page = page_of(folders[-1])
+    assert many.pose
     assert len(page.table("equality", "type")) == len(many.pose.loops.loops)
     assert len([name for name in scripts(page)[0] if name.startswith("forces")]) == pictures.PANELS
 

@@ -1,7 +1,6 @@
 """``oarlock check``: what it prints, and its exit status."""
 
 from collections.abc import Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -308,8 +307,10 @@ def _print_findings(findings: Sequence["Finding"]) -> None:
     _heading("Findings")
     if not findings:
         _line("none")
-    for (severity, code), group in groupby(findings, key=lambda one: (one.severity, one.code)):
-        first, *others = group
+    groups: dict[tuple[str, str], list[Finding]] = {}
+    for finding in findings:
+        groups.setdefault((finding.severity, finding.code), []).append(finding)
+    for (severity, code), (first, *others) in groups.items():
         text = Text(f"{severity:8}", style=_COLOURS[severity])
         text.append_text(shown(f"{code} {first.name}  {first.element + ': ' if first.element else ''}{first.line}"))
         console().print(text, soft_wrap=True)

@@ -5,10 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
+from threadpoolctl import threadpool_limits
 
 from oarlock.check.document import causes_table, document, drift_table, findings_table, trials_table
 from oarlock.check.examination import BUDGET_S, TARGET, Examination, Wish, begin, examine
 from oarlock.check.findings import Finding
+from oarlock.check.page import html_fragment
 from oarlock.check.verdicts import judge
 
 
@@ -52,6 +54,9 @@ class Checked:
         """As ``oarlock check --json``."""
         return document(self.examination, self.found)
 
+    def _repr_html_(self) -> str:
+        return html_fragment(self.examination, self.found)
+
     def __repr__(self) -> str:
         return "\n".join([f"checked {self.examination.file}", *(f"  {finding}" for finding in self.found)])
 
@@ -89,8 +94,10 @@ def check(
         InputError: no such file, malformed, no equality, or an argument that does not fit the model.
     """
     wish = Wish(keyframe, controls, constant or {}, seed, duration_s, target, budget_s, ignore_inequalities)
-    examination = begin(str(file), wish)
-    for part in examine(examination):
-        if progress:
-            progress(part, examination)
-    return Checked(examination, judge(examination, fail_above))
+    # Many small matrices: threads of BLAS wait for one another longer than they work, and for whatever else is running.
+    with threadpool_limits(1, user_api="blas"):
+        examination = begin(str(file), wish)
+        for part in examine(examination):
+            if progress:
+                progress(part, examination)
+        return Checked(examination, judge(examination, fail_above))
