@@ -38,7 +38,8 @@ class Browser:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        os.close(own[0]), os.close(theirs[1])
+        os.close(own[0])
+        os.close(theirs[1])
         self._to, self._from, self._rest = own[1], theirs[0], b""
         self._ids, self._session = itertools.count(1), None
         self._loaded = False
@@ -51,7 +52,8 @@ class Browser:
 
     def close(self) -> None:
         """Ends it."""
-        os.close(self._to), os.close(self._from)
+        os.close(self._to)
+        os.close(self._from)
         self._process.terminate()
         try:
             self._process.wait(10)
