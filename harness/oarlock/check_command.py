@@ -237,7 +237,7 @@ def _causes(found: "Examination") -> None:
             share.name,
             f"{share.worst:.3g} {share.unit}",
             f"{share.time_s:.4g}",
-            *(f"{100.0 * share.shares[cause]:.0f} %" for cause in causes),
+            *(f"{round(100.0 * share.shares[cause])} %" for cause in causes),
             f"{share.work:.3g}",
         )
         for share in attribution.shares
