@@ -24,6 +24,18 @@ def test_a_file_is_told_in_order(oarlock_here):
         assert text in said.stdout
 
 
+def test_the_front_page_shows_what_is_printed(oarlock_here):
+    front = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    shown = [
+        " ".join(line.split())
+        for line in front.splitlines()
+        if line.startswith(("    #0 ", "    mimic ", "    warning"))
+    ]
+    said = [" ".join(line.split()) for line in oarlock_here("check", GRIPPER, "--budget", "0").stdout.splitlines()]
+    assert len(shown) == 3
+    assert [line for line in shown if line not in said] == []
+
+
 def test_json_is_all_there_is_on_standard_output(oarlock_here):
     said = oarlock_here("check", GRIPPER, "--json", "-")
     document = json.loads(said.stdout)
