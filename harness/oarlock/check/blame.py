@@ -12,7 +12,7 @@ from oarlock.check.examination import Examination
 from oarlock.check.findings import Finding, Severity, found
 from oarlock.check.gaps import opening
 from oarlock.check.mobility import Mobility
-from oarlock.check.recipe import LOST
+from oarlock.check.recipe import LOST, Recipe
 from oarlock.check.row_law import Share
 from oarlock.check.trials import Setting, Trial
 from oarlock.check.versions import without_curvature
@@ -302,12 +302,27 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         parts.append(f"energy error {chosen.energy_error:.2g} J in place of {recipe.authored.energy_error:.2g} J")
     parts.append(f"at {_cost(chosen)}")
     said = f"{recipe.reason}: {', '.join(parts)}"
+    if coarser := _alone(recipe):
+        said += f"; its own start alone is held with {coarser.setting.timestep_s:g} s, {held(coarser)}"
     if recipe.conserving is not None:
         least = recipe.conserving
         said += f"; {least.label} leaves an energy error of {least.energy_error:.2g} J, at {_cost(least)}"
     if _jammed(exam):
         said += "; what is locked (S3) then stands still"
     yield found("T1", exam.file, said, **figures)
+
+
+def _alone(recipe: Recipe) -> Trial | None:
+    """A cheaper trial that holds, but not from the disturbed starts."""
+    enough = [
+        trial
+        for trial in recipe.trials
+        if trial.start == recipe.chosen.start
+        and trial.setting.integrator == recipe.chosen.setting.integrator
+        and trial.setting.timestep_s > recipe.chosen.setting.timestep_s
+        and trial.drift <= recipe.target
+    ]
+    return max(enough, key=lambda trial: trial.setting.timestep_s, default=None)
 
 
 def _cost(trial: Trial) -> str:
