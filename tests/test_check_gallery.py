@@ -2,17 +2,21 @@
 
 import time
 from functools import cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from gallery import piece
 from oarlock import model_names
 from oarlock.check.examination import Examination, Wish, begin, examine
 from oarlock.check.findings import Finding
 from oarlock.check.recipe import STIFF_SOLIMP, deadbeat
+from oarlock.check.recording import record
 from oarlock.check.row_law import HOLDS
 from oarlock.check.trials import Setting, Start, run_trial
 from oarlock.check.verdicts import judge
+from oarlock.check.versions import without_curvature
 from oarlock.mechanism import INTEGRATORS
 
 DURATION_S = {"andrews_squeezer": 0.03}
@@ -20,6 +24,9 @@ DURATION_S = {"andrews_squeezer": 0.03}
 
 PEAK = 0.06
 """Relative. The largest drift of a figure that has two digits."""
+
+LAGS = 0.15
+"""Relative. Two time constants of 4 ms behind a J̇v that changes within 0.1 s (0.10 measured at most)."""
 
 FLAT_S, FLAT = 0.7143555293, 1e-3
 """s. When the four-bars of n_four_bar first lie flat, by their own scalar equation; and how well it is met."""
@@ -220,3 +227,34 @@ def test_a_recipe_reaches_its_target_or_says_why_not(name, target):
     assert recipe.outcome == "holds" or only(findings, "T1").figures["drift"] <= target
     if recipe.outcome == "reached":
         assert recipe.chosen.setting.solimp == STIFF_SOLIMP
+
+
+def test_a_target_that_cannot_be_reached_says_what_stands_in_the_way():
+    found = looked_at("gear_train", 0.05, integrator="euler", target=1e-12)
+    one = only(judge(found), "T3")
+    assert one.element in {"first_mesh", "second_mesh", "direct_mesh"}
+    assert one.figures["drift"] > 1e-12
+    assert "MuJoCo leaves J̇v out on rows of a joint equality" in one.line
+
+
+def test_a_disturbed_start_that_asks_for_more_is_told():
+    file = Path(__file__).parent / "fixtures" / "check" / "biped_leg" / "leg.xml"
+    found = begin(str(file), Wish())
+    for _ in examine(found):
+        pass
+    assert found.recipe.authored.drift < 1e-8
+    assert "m, from a disturbed start, energy error" in only(judge(found), "T1").line
+
+
+@pytest.mark.parametrize("name", ["five_bar", "boat", "gripper"])
+def test_older_versions_would_stand_off_by_their_curvature(name):
+    """A motion that is slow against the spring: r = J̇v/(K d), but for a lag of two time constants of 4 ms."""
+    one = piece(name)
+    one.model.eq_solref[:], one.model.eq_solimp[:] = (0.004, 1.0), STIFF_SOLIMP
+    recording = record(one.model, one.qpos, one.qvel, one.laws, 1000)
+    found = without_curvature(recording)
+    connects = np.array([recording.layout.equalities[owner].kind == "connect" for owner in recording.layout.owner])
+    spring = np.where(recording.present, recording.stiffness * recording.impedance, 1.0)
+    still = recording.curvature / spring
+    assert np.abs(found - still)[50:, connects].max() < LAGS * np.abs(still).max()
+    assert not found[:, ~connects].any()

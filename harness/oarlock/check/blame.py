@@ -283,7 +283,7 @@ def remedy(exam: Examination) -> Iterator[Finding]:
     # From disturbed starts too: they may be what asks for other settings.
     authored = [trial for trial in recipe.trials if trial.setting == Setting.authored(exam.model)]
     before = max([recipe.authored, *authored], key=lambda trial: trial.drift)
-    after = max([recipe.chosen, *recipe.verified], key=lambda trial: trial.drift) if recipe.reached else recipe.chosen
+    after = max([recipe.chosen, *recipe.verified], key=lambda trial: trial.drift)
     chosen = recipe.chosen
     figures = {
         "target": recipe.target,
@@ -294,10 +294,11 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         "energy_error_j": _finite(chosen.energy_error),
     }
     if not recipe.reached:
-        said = f"the target of {recipe.target:g} is not reached, at best {held(chosen)}: {recipe.reason}"
-        yield found("T3", exam.file, said, element=_owner(exam, chosen.row), **figures)
+        said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
+        yield found("T3", exam.file, said, element=_owner(exam, after.row), **figures)
         return
-    parts = [f"no row off by more than {held(after)} in place of {held(before)}"]
+    whence = "" if before.start == recipe.authored.start else ", from a disturbed start"
+    parts = [f"no row off by more than {held(after)} in place of {held(before)}{whence}"]
     if recipe.authored.end.how == "finished":
         parts.append(f"energy error {chosen.energy_error:.2g} J in place of {recipe.authored.energy_error:.2g} J")
     parts.append(f"at {_cost(chosen)}")
