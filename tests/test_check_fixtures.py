@@ -41,10 +41,16 @@ MODELS = {
     "thirty_equalities.xml": Facts(67, 30, 74, 64),
     "unreachable.xml": Facts(3, 1, 3, 2, gap=0.25),
     "diverges.xml": Facts(3, 1, 3, 2),
+    "dead_point.xml": Facts(3, 1, 3, 2),
+    "damped_gripper.xml": Facts(6, 3, 7, 5),
     "all_redundant.xml": Facts(4, 5, 11, 3),
     "contacts.xml": Facts(3, 1, 3, 2),
     "script_names.xml": Facts(4, 2, 4, 3),
     "ships_refsafe.xml": Facts(4, 2, 4, 3),
+    "locked_cranks.xml": Facts(4, 2, 6, 3, gap=0.011),
+    "short_arm.xml": Facts(2, 1, 3, 1, gap=0.81),
+    "tilted_hinge.xml": Facts(3, 1, 3, 3),
+    "two_walls.xml": Facts(8, 3, 7, 6, gap=0.051),
 }
 LASTING = [name for name in MODELS if name != "diverges.xml"]
 

@@ -141,7 +141,7 @@ def test_sarrus_all_forces_unique_and_some_torques_not(moving):
     assert len(found.joints) == 5
     for one in (*found.joints, *found.together):
         assert (known(one.force).free, known(one.torque).free) == (0, 1)
-        assert str(one.torque) == "not unique along z of world"
+        assert str(one.torque) == "not unique along z of the world"
         assert one.verdict == "partly unique"
     assert parts(found.equalities, "leg2_left") == ((1, 2, 0), None)  # alone it is not even a hinge
 
@@ -268,7 +268,7 @@ def test_directions_are_told_in_the_frame_in_which_they_turn_least():
     across = told([about_z(x)[:, 1:] for x in angles], 0, frames)
     assert str(across) == "not unique across x of arm"
     still = told([np.eye(3)[:, 2:]] * 11, 1, frames)
-    assert (still.frame, still.unique, str(still)) == ("world", 1, "not unique along z of world")
+    assert (still.frame, still.unique, str(still)) == ("world", 1, "not unique along z of the world")
 
 
 # Over time.

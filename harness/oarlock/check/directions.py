@@ -43,7 +43,7 @@ class Directions:
         way = "along" if self.free == 1 else "across"
         direction = _telling(self.basis)
         assert direction is not None
-        return f"not unique {way} {_named(direction)} of {self.frame}"
+        return f"not unique {way} {_named(direction)} of {'the world' if self.frame == WORLD else self.frame}"
 
 
 def _named(direction: np.ndarray) -> str:

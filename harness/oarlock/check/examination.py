@@ -160,6 +160,9 @@ def _of_file(path: Path, wish: Wish) -> Examination:
         wanted = wish.keyframe
         key = controls.keyframe(model, int(wanted) if wanted is not None and wanted.isdigit() else wanted)
         mujoco.mj_resetDataKeyframe(model, data, key)
+        for body in range(model.nbody):  # every data that is made of the model then has them there
+            if (mocap := int(model.body_mocapid[body])) >= 0:
+                model.body_pos[body], model.body_quat[body] = data.mocap_pos[mocap], data.mocap_quat[mocap]
         begins = f"keyframe '{model.key(key).name or f'#{key}'}'"
     kind, laws = _driven(model, wish)
     return Examination(

@@ -20,6 +20,9 @@ TRIES_OF_PART = ((0.2, 4), (0.5, 4))
 INVOLVED = 1e-3
 """Of the largest gap: an equality that stays open by less is not among those that contradict one another."""
 
+VANISHES = 1e-6
+"""Of the larger of metres and radians: the smaller one is rounding then, and is not told."""
+
 LOWER = 0.99
 """Of the gap around a start: another pose must be better by so much to be taken for it."""
 
@@ -49,8 +52,15 @@ class Opening:
         return max(self.metres or 0.0, self.radians or 0.0)
 
     def __str__(self) -> str:
+        return self.told()
+
+    def told(self, per: str = "") -> str:
+        """In words, with ``per`` after the units; what is rounding beside the rest is left out."""
         parts = [(self.metres, "m"), (self.radians, "rad")]
-        return " and ".join(f"{value:#.4g} {unit}" for value, unit in parts if value is not None)
+        least = VANISHES * self.largest
+        return " and ".join(
+            f"{value:#.4g} {unit}{per}" for value, unit in parts if value is not None and value >= least
+        )
 
 
 @dataclass(frozen=True)

@@ -122,15 +122,17 @@ def _free_part(
     found = np.zeros_like(multipliers)
     for number, group in enumerate(loops.groups):
         rows = assembly.rows_of_all(loops.members(number))
-        if len(rows) == group.rank:
+        dead = rows[scales[rows] == 0.0]
+        found[:, dead] = multipliers[:, dead]  # rows that hold nothing are free, and dependent on no other
+        rows = rows[scales[rows] > 0.0]
+        if len(rows) <= group.rank:
             continue
         some = stack[:, rows]
         # A basis of range(J): eigenvectors to the largest eigenvalues. The rank is known, so that squares do no harm.
         wide = len(rows) <= some.shape[2]
         square = some @ some.transpose(0, 2, 1) if wide else some.transpose(0, 2, 1) @ some
         largest = np.linalg.eigh(square)[1][:, :, square.shape[1] - group.rank :]
-        inverse = np.divide(1.0, scales[rows], out=np.zeros(len(rows)), where=scales[rows] > 0)
-        basis = np.linalg.qr(inverse[:, None] * (largest if wide else some @ largest))[0]
+        basis = np.linalg.qr((largest if wide else some @ largest) / scales[rows, None])[0]
         given = multipliers[:, rows, None]
         found[:, rows] = (given - basis @ (basis.transpose(0, 2, 1) @ given))[..., 0]
     return found
