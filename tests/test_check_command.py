@@ -29,7 +29,7 @@ def test_the_front_page_shows_what_is_printed(oarlock_here):
     shown = [
         " ".join(line.split())
         for line in front.splitlines()
-        if line.startswith(("    #0 ", "    mimic ", "    warning"))
+        if line.startswith(("    #0 ", "    mimic ", "    note    D2"))
     ]
     said = [" ".join(line.split()) for line in oarlock_here("check", GRIPPER, "--budget", "0").stdout.splitlines()]
     assert len(shown) == 3

@@ -3,12 +3,13 @@
 import math
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import pytest
 from oarlock import InputError
 from oarlock.check.blame import in_words, merged
-from oarlock.check.examination import Examination, Wish, begin, examine
+from oarlock.check.examination import Wish, begin, examine
 from oarlock.check.findings import Finding, found
 from oarlock.check.gaps import Opening
 from oarlock.check.verdicts import judge
@@ -21,7 +22,7 @@ LESS = 10.0
 """Times less a drift must be without the cause that was named: 1e2 and more, mostly."""
 
 
-def examined(file: Path | str, wish: Wish | None = None, **options) -> Examination:
+def examined(file: Path | str, wish: Wish | None = None, **options) -> Any:
     """All parts of an examination, of a model whose options of MuJoCo were changed by name first."""
     exam = begin(str(file), wish or Wish(duration_s=1.0))
     for option, value in options.items():
@@ -32,7 +33,7 @@ def examined(file: Path | str, wish: Wish | None = None, **options) -> Examinati
 
 
 @cache
-def as_it_is(name: str) -> tuple[Examination, list[Finding]]:
+def as_it_is(name: str) -> tuple[Any, list[Finding]]:
     """A fixture with nothing asked for."""
     exam = examined(CHECK / name, Wish())
     return exam, judge(exam)
