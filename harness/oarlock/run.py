@@ -12,6 +12,7 @@ from oarlock import _core
 from oarlock.aggregate import Verdict, judge, summarise
 from oarlock.case_file import Experiment, Form, Gate, Integrator, Mode, Stabilisation
 from oarlock.cases import Case, load_case
+from oarlock.cores import cores
 from oarlock.errors import InputError, choose
 from oarlock.experiments import STEPPINGS, Laboratory, Task
 from oarlock.mechanism import coordinates, equalities
@@ -21,7 +22,6 @@ from oarlock.results import ResultFolder, RunResult, uninterrupted
 from oarlock.setup import Setup
 from oarlock.sketch import sketch, traced
 from oarlock.solvers import MUJOCO, SolverSpec
-from oarlock.workers import cores
 
 FORMS: dict[str, list[Form]] = {"matched": ["matched"], "hard": ["hard"], "both": ["matched", "hard"]}
 MODES: dict[str, list[Mode]] = {

@@ -10,11 +10,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
+from oarlock.cores import cores
 from oarlock.errors import few
 from oarlock.pages import write_pages, write_sweep_pages
 from oarlock.suite import Listener, Suite, carry_out, failed, plan_suite, status_of
 from oarlock.sweep import TABLE, parse_axes
-from oarlock.workers import LocalWorkers, Workers, cores
+from oarlock.workers import LocalWorkers, Workers
 
 
 class _BarListener(Listener):
