@@ -10,7 +10,6 @@ from threadpoolctl import threadpool_limits
 from oarlock.check.document import causes_table, document, drift_table, findings_table, trials_table
 from oarlock.check.examination import BUDGET_S, TARGET, Examination, Wish, begin, examine
 from oarlock.check.findings import Finding
-from oarlock.check.page import html_fragment
 from oarlock.check.verdicts import judge
 
 
@@ -55,6 +54,8 @@ class Checked:
         return document(self.examination, self.found)
 
     def _repr_html_(self) -> str:
+        from oarlock.check.page import html_fragment  # with all that draws, which a command line does not need
+
         return html_fragment(self.examination, self.found)
 
     def __repr__(self) -> str:
