@@ -44,6 +44,11 @@ def test_json_is_all_there_is_on_standard_output(oarlock_here):
     assert [one["name"] for one in loops["equalities"]] == ["#0", "#1", "mimic"]
     mimic = next(one for one in document["why"]["equalities"] if one["name"] == "mimic")
     assert sum(mimic["shares"].values()) == pytest.approx(1.0)
+    *parts, together = document["why"]["accelerations"]
+    assert {one["cause"] for one in parts} == set(mimic["shares"])
+    assert together["cause"] == "together"
+    # The whole is no longer than its parts one after another.
+    assert 0 < together["rms"] <= sum(one["rms"] for one in parts)
     assert mimic["shares"]["curvature"] > 0.5
     assert document["recipe"]["outcome"] == "reached"
     assert document["recipe"]["chosen"]["drift"] <= 1e-6

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from oarlock.check.examination import Examination
     from oarlock.check.findings import Finding
 
+ROUNDING = 1e-9
+"""Of the whole: smaller parts are rounding and not worth a word."""
+
 _COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
 
 
@@ -244,6 +247,16 @@ def _causes(found: "Examination") -> None:
     ]
     titles = {"compliance": "softness", "curvature": "missing J̇v", "stepping": "time stepping"}
     _table(("equality", "worst row", "at s", *(titles.get(cause, cause) for cause in causes), "work J"), rows)
+    from oarlock.check.document import accelerations_table
+
+    apart = accelerations_table(found)
+    if not apart.is_empty():
+        parts = [
+            f"{titles.get(row['cause'], row['cause'])} {row['rms']:.3g}"
+            for row in apart.to_dicts()
+            if row["rms"] > ROUNDING * apart["rms"][-1]
+        ]
+        _line(f"MuJoCo's acceleration off the exact one at the same states, rms: {', '.join(parts)} rad/s² or m/s²")
 
 
 def _remedy(found: "Examination") -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from oarlock.check.blocks import Chapter, number
 from oarlock.check.chapters import counted, lower, many, why_not
+from oarlock.check.document import accelerations_table
 from oarlock.check.examination import Examination
 from oarlock.check.row_law import CAUSES, Share
 from oarlock.check.trials import Trial
@@ -97,6 +98,20 @@ def why(found: Examination) -> Chapter:
         f"Energy that came from nowhere, at most: {number(lost, 'J')}. An exact loop does no work; work below 0 is "
         "energy that the loop lost."
     )
+    apart = accelerations_table(found)
+    if not apart.is_empty():
+        chapter.say(
+            "MuJoCo's acceleration less the exact one at the same states, by the same causes; all coordinates as one, "
+            "in rad/s² or m/s²."
+        )
+        chapter.table(
+            "accelerations",
+            ("cause", "root mean square", "largest"),
+            [
+                (CAUSE_WORDS.get(row["cause"], "together"), number(row["rms"]), number(row["max"]))
+                for row in apart.to_dicts()
+            ],
+        )
     return chapter
 
 

@@ -7,7 +7,14 @@ from typing import Any
 import polars as pl
 from threadpoolctl import threadpool_limits
 
-from oarlock.check.document import causes_table, document, drift_table, findings_table, trials_table
+from oarlock.check.document import (
+    accelerations_table,
+    causes_table,
+    document,
+    drift_table,
+    findings_table,
+    trials_table,
+)
 from oarlock.check.examination import BUDGET_S, TARGET, Examination, Wish, begin, examine
 from oarlock.check.findings import Finding
 from oarlock.check.verdicts import judge
@@ -38,6 +45,11 @@ class Checked:
     def causes(self) -> pl.DataFrame:
         """A row an equality and cause: its part of the drift."""
         return causes_table(self.examination)
+
+    @property
+    def accelerations(self) -> pl.DataFrame:
+        """A row a cause: how MuJoCo's acceleration differs by it from the exact one at the same states."""
+        return accelerations_table(self.examination)
 
     @property
     def trials(self) -> pl.DataFrame:

@@ -10,6 +10,7 @@ import polars as pl
 
 from oarlock.check.examination import Examination
 from oarlock.check.findings import Finding
+from oarlock.check.row_law import CAUSES
 from oarlock.check.trials import Trial
 from oarlock.check.wrenches import Wrench
 from oarlock.provenance import occasion, versions
@@ -133,7 +134,8 @@ def _why(exam: Examination) -> dict[str, Any] | None:
     if exam.attribution is None:
         return None
     shares = [asdict(share) for share in exam.attribution.shares]
-    return {"law_defect": exam.attribution.defect, "equalities": shares}
+    accelerations = accelerations_table(exam).to_dicts()
+    return {"law_defect": exam.attribution.defect, "equalities": shares, "accelerations": accelerations}
 
 
 def _trial(trial: Trial) -> dict[str, Any]:
@@ -224,6 +226,28 @@ def causes_table(exam: Examination) -> pl.DataFrame:
         for cause in share.parts
     ]
     return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def accelerations_table(exam: Examination) -> pl.DataFrame:
+    """A row a cause, and one of all together: how MuJoCo's acceleration differs by it from the exact one.
+
+    Root mean square and largest length over the instants that were looked at, all coordinates together, rad/s² or m/s²;
+    ``relative`` is the first to that of the exact acceleration.
+    """
+    found = exam.accelerations
+    if found is None or not len(found.instants):
+        return pl.DataFrame()
+    exact = _rms(found.exact)
+    named = {**dict(zip(CAUSES, found.parts, strict=True)), "together": found.difference}
+    rows = [
+        {"cause": cause, "rms": _rms(part), "max": largest(part), "relative": _rms(part) / exact if exact else None}
+        for cause, part in named.items()
+    ]
+    return pl.DataFrame(rows, infer_schema_length=None)
+
+
+def _rms(vectors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(vectors**2, axis=1))))
 
 
 def trials_table(exam: Examination) -> pl.DataFrame:

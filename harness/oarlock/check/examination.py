@@ -18,7 +18,7 @@ from oarlock.check.exact import ExactRun, record_exact
 from oarlock.check.poses import ClosedPose, nearest_closed
 from oarlock.check.recipe import Recipe, recipe
 from oarlock.check.recording import Recording, record
-from oarlock.check.row_law import Attribution, attribute
+from oarlock.check.row_law import Accelerations, Attribution, attribute
 from oarlock.check.stability import EqualityStability, stability
 from oarlock.check.trials import Start
 from oarlock.check.uniqueness import Uniqueness, find_uniqueness
@@ -88,7 +88,7 @@ class Examination:
         settings: spring, damper and stability of every equality.
         recording: MuJoCo's own run; exact: the exact solution from the closed start.
         drifts: of every equality at three levels.
-        attribution: the drift by cause.
+        attribution: the drift by cause; accelerations: what MuJoCo's differ by from the exact ones at the same states.
         history: the rank along the exact motion, or along MuJoCo's where there is none.
         recipe: what would hold it.
         reactions: which are unique.
@@ -113,6 +113,7 @@ class Examination:
     exact: ExactRun | None = None
     drifts: list[Drift] = field(default_factory=list)
     attribution: Attribution | None = None
+    accelerations: Accelerations | None = None
     history: RankHistory | None = None
     recipe: Recipe | None = None
     reactions: Uniqueness | None = None
@@ -274,6 +275,7 @@ def _causes(found: Examination) -> None:
         attribution = attribute(found.recording)
         if attribution.holds:
             found.attribution = attribution
+            found.accelerations = attribution.accelerations()
         else:
             found.missing["causes"] = (
                 f"MuJoCo's rows do not follow the law of an oscillator (defect {attribution.defect:.1g}), "
