@@ -35,11 +35,6 @@ const BEGIN: f64 = 0.4;
 /// Baumgarte's k = 1e4 /s².
 const CONTRADICTION: f64 = 1e-2;
 
-/// Bytes, a cache line: by multiples of it workspaces move from round to round. Where they happen to lie decides up to 30 %
-/// of a solve at n = 12, of one and the same code, and would do so for a whole process (Mytkowicz et al., "Producing wrong
-/// data without doing anything obviously wrong!", ASPLOS 2009).
-const SPACER: usize = 64;
-
 /// Steps before the timed ones: carried solvers begin with an eigendecomposition, and need a past to predict from.
 const WARM_UP: usize = 8;
 
@@ -99,15 +94,6 @@ impl Contestant {
         if let Self::Ours(solver) = self {
             solver.reset();
         }
-    }
-
-    /// The same with its workspace elsewhere in memory, `round` deciding where; what it gives back keeps that place taken.
-    fn relocate(&mut self, round: usize) -> Vec<u8> {
-        let spacer = vec![0; SPACER * (1 + round * 7 % 61)];
-        if let Self::Ours(solver) = self {
-            *solver = solver.clone_box();
-        }
-        spacer
     }
 }
 
@@ -220,13 +206,12 @@ pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -
         (timing.min_norm_error, timing.products) = smooth.follow(contestant)?;
     }
     for round in 0..rounds.max(1) {
-        // There and back: whom one comes after decides, too.
+        // There and back: who comes first after the libraries takes up to twice as long at n = 6.
         let mut order: Vec<_> = contestants.iter_mut().zip(&mut times).collect();
         if !round.is_multiple_of(2) {
             order.reverse();
         }
         for (contestant, times) in order {
-            let _spacer = contestant.relocate(round);
             for (forming, times) in [true, false].into_iter().zip(times.iter_mut()) {
                 // Once untimed: nobody pays for what the one before left in the caches.
                 smooth.time(contestant, forming)?;

@@ -30,7 +30,7 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 use crate::eigen::RANK_CUT;
 use crate::error::{Error, check_len};
 use crate::info::Info;
-use crate::kernels::{BLOCKED, LARGEST_FIXED, axpy, by_size, dot, norm, vectorised};
+use crate::kernels::{BLOCKED, axpy, by_size, dot, norm, vectorised};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem, Wanted};
 use crate::skyline;
@@ -365,7 +365,6 @@ impl Cholesky {
         }
     }
 
-    /// The same for a size known at compile time, with A x left in the workspace.
     fn run_fixed<const N: usize>(
         &mut self,
         matrix: &[f64],
@@ -374,10 +373,8 @@ impl Cholesky {
         x: &mut [f64],
     ) -> Found {
         self.arch.dispatch(|| {
-            let Self { params, pivots, outside, image, .. } = self;
-            let found = small::solve::<N>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside);
-            small::product::<N>(matrix, x, image);
-            found
+            let Self { params, pivots, outside, .. } = self;
+            small::solve::<N>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside)
         })
     }
 }
@@ -488,7 +485,6 @@ impl MultiplierSolver for Cholesky {
         problem.matrix();
         let (matrix, rhs, wanted) = (problem.dense.as_slice(), problem.rhs(), problem.wanted);
         let narrow = problem.envelope.and_then(|first| self.run_narrow(first, matrix, rhs, x));
-        let imaged = narrow.is_none() && n <= LARGEST_FIXED;
         let found = match narrow {
             Some(found) => found,
             None => {
@@ -499,9 +495,7 @@ impl MultiplierSolver for Cholesky {
             return Err(Error::NotPositiveSemidefinite { smallest: found.lowest, largest: found.first });
         }
         let b_norm = norm(rhs);
-        if !imaged {
-            problem.apply(x, &mut self.image);
-        }
+        problem.apply(x, &mut self.image);
         for ((image, b), outside) in self.image.iter_mut().zip(problem.rhs()).zip(&self.outside) {
             *image -= b - outside;
         }

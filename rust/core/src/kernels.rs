@@ -9,9 +9,6 @@ use nalgebra::{SMatrixView, SVectorView, SVectorViewMut};
 /// From here on faer's kernels beat plain loops (measured: `make bench`).
 pub const BLOCKED: usize = 24;
 
-/// The largest size that has code of its own.
-pub const LARGEST_FIXED: usize = 8;
-
 /// Runs kernels of faer and clears the upper halves of the vector registers after them, which some leave in use: on many
 /// processors all older vector code of the process, MuJoCo's too, is slow until then (a decomposition of nalgebra's ×2 to ×3).
 #[inline]
@@ -24,7 +21,7 @@ pub fn vectorised<R>(kernels: impl FnOnce() -> R) -> R {
     result
 }
 
-/// Calls a function generic in the size for sizes 1 to [`LARGEST_FIXED`], and another for the rest.
+/// Calls a function generic in the size for sizes 1 to 8, and another for the rest.
 macro_rules! by_size {
     ($n:expr, $($fixed:ident)::+($($arg:expr),*), $dynamic:expr) => {
         match $n {

@@ -63,18 +63,6 @@ pub fn solve<const N: usize>(
     found
 }
 
-/// y = A x with the N×N matrix `a`, column-major.
-#[inline(always)]
-pub fn product<const N: usize>(a: &[f64], x: &[f64], y: &mut [f64]) {
-    let mut sum = [0.0; N];
-    for (column, &entry) in a[..N * N].chunks_exact(N).zip(&x[..N]) {
-        for (sum, a) in sum.iter_mut().zip(column) {
-            *sum += entry * a;
-        }
-    }
-    y[..N].copy_from_slice(&sum);
-}
-
 /// to −= factor · from.
 #[inline(always)]
 fn subtract<const N: usize>(factor: f64, from: &[f64; N], to: &mut [f64; N]) {
