@@ -1,6 +1,5 @@
 """The gallery's models with their own start and drive, ready for ``oarlock.check``."""
 
-import re
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -9,6 +8,7 @@ import mujoco
 import numpy as np
 from mechanisms import setup_of
 from oarlock.cases import load_case
+from oarlock.check.controls import written_out
 from oarlock.mechanism import INTEGRATORS, load_model
 
 
@@ -33,7 +33,4 @@ def piece(name: str, integrator: Any = "euler", timestep_s: float = 1e-3) -> Pie
     case = load_case(name)
     model = load_model(case.model_path, case.parameters)
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep_s
-    laws = dict(case.file.drive.ctrl)
-    for constant, value in case.file.drive.values().items():
-        laws = {actuator: re.sub(rf"\b{constant}\b", f"({value!r})", law) for actuator, law in laws.items()}
-    return Piece(model, *_start(name), laws)
+    return Piece(model, *_start(name), written_out(case.file.drive))

@@ -135,7 +135,8 @@ def test_a_trial_is_the_run_and_its_worst_moment():
     one = piece("boat")
     trial = run_trial(one.model, Setting.authored(one.model), start_of(one), one.laws, 2.0, "as authored")
     assert trial.drift == pytest.approx(1.93e-4, rel=0.01)
-    assert (trial.row[:3], trial.unit, trial.kind, trial.steps) == ("pin", "m", "connect", 2000)
+    assert trial.row.equality in ("pin2", "pin3")
+    assert (trial.unit, trial.steps) == ("m", 2000)
     assert trial.time_s == pytest.approx(1.61, abs=0.02)
     assert trial.step_us > 0.5
     assert one.model.opt.timestep == 1e-3  # the user's is left alone

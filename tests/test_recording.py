@@ -99,7 +99,7 @@ def test_rows_keep_their_places_when_mujoco_leaves_some_out():
     xml = xml.replace("<equality>", '<equality><weld name="idle" body1="post" body2="world"/>')
     model = mujoco.MjModel.from_xml_string(xml)
     recording = record(model, model.qpos0, np.array([1.0, -1.0, 0.5]), {}, 20)
-    assert recording.layout.labels[:2] == ("idle[0]", "idle[1]")
+    assert recording.layout.labels[:2] == ("idle x", "idle y")
     assert recording.layout.units[3:9] == ("rad", "rad", "rad", "m", "m", "m")
     assert not recording.present[:, :6].any()
     assert recording.present[:, 6:].all()

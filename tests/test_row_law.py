@@ -135,7 +135,7 @@ def test_fast_four_bar_drifts_by_its_timestep():
     one = piece("four_bar")
     assert one.qvel[0] == 12.0  # rad/s
     share = attribute(recorded(one, 2000)).worst
-    assert (share.leading, share.label) == ("stepping", "pin[2]")
+    assert (share.leading, share.label) == ("stepping", "pin z")
     assert abs(share.worst) == pytest.approx(1.9e-3, rel=0.02)
     assert 1.0 < share.shares["stepping"] < 1.2
     assert share.shares["compliance"] < 0.0  # they oppose one another

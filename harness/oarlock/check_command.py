@@ -8,6 +8,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
+from oarlock.check.examination import BUDGET_S, TARGET
 from oarlock.console import GATE_FAILED, JsonOption, console, emit_json, ends, say, shown
 from oarlock.errors import InputError
 
@@ -33,8 +34,8 @@ def check(
     ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Of random controls.")] = 0,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Of the run [default: 2 s].")] = None,
-    target: Annotated[float, typer.Option(metavar="METRES", help="Wanted drift, m or rad.")] = 1e-6,
-    budget: Annotated[float, typer.Option(metavar="S", min=0.0, help="Time to look for settings; 0: none.")] = 8.0,
+    target: Annotated[float, typer.Option(metavar="METRES", help="Wanted drift, m or rad.")] = TARGET,
+    budget: Annotated[float, typer.Option(metavar="S", min=0.0, help="Time to look for settings; 0: none.")] = BUDGET_S,
     ignore_inequalities: Annotated[
         bool, typer.Option("--ignore-inequalities", help="Without contacts, limits and friction.")
     ] = False,

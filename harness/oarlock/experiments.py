@@ -144,9 +144,10 @@ class Laboratory:
             try:
                 for walk in walks:
                     yield from walk.result()
-            finally:
+            except BaseException:
                 self._stopped.set()
                 pool.shutdown(cancel_futures=True)
+                raise
 
     def _tick(self, steps: int) -> None:
         if self._stopped.is_set():

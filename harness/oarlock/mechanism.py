@@ -193,8 +193,11 @@ def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     MuJoCo makes room for rows that it then leaves out because they are zero: the array may be longer than J.
     """
     if mujoco.mj_isSparse(model):
-        dense = np.zeros((data.nefc, model.nv))
-        mujoco.mju_sparse2dense(dense, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+        nefc = data.nefc
+        dense = np.zeros((nefc, model.nv))
+        mujoco.mju_sparse2dense(
+            dense, data.efc_J, data.efc_J_rownnz[:nefc], data.efc_J_rowadr[:nefc], data.efc_J_colind
+        )
         return dense
     return data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)
 

@@ -1,13 +1,12 @@
 """What follows from it, in words and tables: why a loop drifts, what would hold it, and which forces to trust."""
 
-import re
-
 import numpy as np
 
 from oarlock.check.blocks import Chapter, number
 from oarlock.check.chapters import counted, lower, many, why_not
 from oarlock.check.document import accelerations_table
 from oarlock.check.examination import Examination
+from oarlock.check.layout import SINE
 from oarlock.check.row_law import CAUSES, Share
 from oarlock.check.trials import Trial
 from oarlock.check.uniqueness import Reaction
@@ -22,18 +21,10 @@ CAUSE_WORDS = {
 }
 """Causes in words."""
 
-SINE = "τ·sin(θ/2)"
-"""Unit of a weld's rotation rows."""
-
 SINE_NOTE = (
-    f"Rows 3 to 5 of a weld are its rotations, {SINE} with its torquescale τ and the angle θ: for small angles and "
+    f"The rows 'turn' of a weld are its rotations, {SINE} with its torquescale τ and the angle θ: for small angles and "
     "τ = 1 half the angle in rad."
 )
-
-
-def row_unit(label: str, kind: str, unit: str) -> str:
-    """The unit of a row's deviation as it is, given its label."""
-    return SINE if kind == "weld" and re.search(r"\[[345]\]$", label) else unit
 
 
 def percent(part: float) -> str:
@@ -117,8 +108,7 @@ def why(found: Examination) -> Chapter:
 
 def _share_unit(found: Examination, share: Share) -> str:
     assert found.attribution is not None
-    layout = found.attribution.recording.layout
-    return row_unit(share.label, layout.equalities[layout.owner[share.row]].kind, share.unit)
+    return found.attribution.recording.layout.named[share.row].measure
 
 
 # 5
@@ -178,7 +168,7 @@ def remedy(found: Examination) -> Chapter:
         ),
         [_trial(trial, chosen=trial == recipe.chosen) for trial in recipe.trials],
     )
-    if any(trial.kind == "weld" for trial in recipe.trials):
+    if any(trial.row.turns for trial in recipe.trials):
         chapter.say(SINE_NOTE)
     _settings(found, chapter)
     return chapter
@@ -187,7 +177,7 @@ def remedy(found: Examination) -> Chapter:
 def _drifted(trial: Trial) -> str:
     if not np.isfinite(trial.drift):
         return "everything, for it diverges"
-    return f"{number(trial.drift)} {row_unit(trial.row, trial.kind, trial.unit)}"
+    return f"{number(trial.drift)} {trial.row.measure}"
 
 
 def _trial(trial: Trial, *, chosen: bool) -> tuple[str, ...]:
@@ -206,7 +196,7 @@ def _trial(trial: Trial, *, chosen: bool) -> tuple[str, ...]:
         written(setting.solimp),
         _drifted(trial) if finite else f"diverged: {trial.end.message}",
         number(trial.predicted),
-        trial.row,
+        str(trial.row),
         number(trial.energy_error) if finite else "–",
         f"× {number(trial.cost)}",
     )

@@ -5,11 +5,11 @@ every active equality keeps its rows, in the order of the model; rows that MuJoC
 """
 
 import copy
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from oarlock.check.layout import Layout, RowColumns
 from oarlock.closing import close
 from oarlock.errors import InputError
 from oarlock.inequalities import IGNORED
@@ -18,29 +18,6 @@ from oarlock.mechanism import Equality, closing_jacobian, equalities
 CONSISTENT = 1e-6
 """m or rad, and per s: what six digits of a file leave open where they cannot be closed beyond, and far less than a
 soft loop opens by itself."""
-
-_AXES = ("x", "y", "z")
-
-
-@dataclass(frozen=True)
-class Row:
-    """One row of an equality."""
-
-    equality: str
-    label: str
-    """World axis of a connect's or weld's row, with ``turn`` before it for the rotations of a weld; else empty."""
-    unit: str
-    """Of its deviation: m or rad."""
-
-    def __str__(self) -> str:
-        return f"{self.equality} {self.label}".strip()
-
-
-def _row_labels(equality: Equality) -> list[tuple[str, str]]:
-    if equality.kind in ("connect", "weld"):
-        turns = [(f"turn {axis}", "rad") for axis in _AXES] if equality.kind == "weld" else []
-        return [*((axis, "m") for axis in _AXES), *turns]
-    return [("", equality.unit)]
 
 
 def anchors(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> tuple[np.ndarray, np.ndarray]:
@@ -83,15 +60,15 @@ class Assembly:
         for equality in active:
             if not equality.rows:
                 raise InputError(f"equality '{equality.name}' is a flex, expected connect, weld, joint or tendon")
-        self.equalities = active
-        self.rows = [Row(one.name, label, unit) for one in active for label, unit in _row_labels(one)]
-        self.starts: list[int] = [0, *np.cumsum([one.rows for one in active], dtype=int).tolist()][: len(active)]
+        self.layout = Layout.of(self.model, np.zeros_like(self.data.eq_active) if off else self.data.eq_active)
+        self._columns = RowColumns(self.layout)
+        self.equalities = list(self.layout.equalities)
+        self.rows = list(self.layout.named)
+        self.starts = list(self.layout.starts)
         self.blocks: list[slice] = []
-        for equality, start in zip(active, self.starts, strict=True):
+        for equality, start in zip(self.equalities, self.starts, strict=True):
             size = min(3, equality.rows)
             self.blocks += [slice(at, at + size) for at in range(start, start + equality.rows, size)]
-        self._start_of = np.zeros(model.neq, dtype=int)
-        self._start_of[[one.index for one in active]] = self.starts
 
     def rows_of_all(self, numbers: list[int]) -> np.ndarray:
         """The rows of several of ``equalities``, one after the other."""
@@ -100,7 +77,7 @@ class Assembly:
 
     def rows_of(self, number: int) -> slice:
         """The rows of one of ``equalities``."""
-        return slice(self.starts[number], self.starts[number] + self.equalities[number].rows)
+        return self.layout.of_equality(number)
 
     def place(self, qpos: np.ndarray) -> None:
         """Goes to a pose (nq); its position stage is valid afterwards."""
@@ -125,8 +102,7 @@ class Assembly:
 
     def at_rows(self) -> np.ndarray:
         """Where MuJoCo's present rows (ne) stand among ``rows``."""
-        owners = self.data.efc_id[: self.data.ne]
-        return self._start_of[owners] + np.arange(len(owners)) - np.searchsorted(owners, owners)
+        return self._columns.of(self.data)
 
     def residual(self) -> np.ndarray:
         """Deviations of all rows (n), m or rad."""

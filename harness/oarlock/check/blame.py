@@ -16,7 +16,7 @@ from oarlock.check.recipe import LOST, Recipe
 from oarlock.check.row_law import Share
 from oarlock.check.trials import Setting, Trial
 from oarlock.check.versions import without_curvature
-from oarlock.check.walking import dense_jacobian
+from oarlock.mechanism import closing_jacobian
 
 SCALE = 3.0
 """Times softer than solimp says: below it the difference is one that a user would not notice."""
@@ -194,7 +194,7 @@ def _implicit(exam: Examination, place: int) -> float:
     for step in np.unique(np.linspace(0, recording.steps - 2, _INSTANTS).astype(int)):
         data.qpos[:] = recording.qpos[step]
         mujoco.mj_fwdPosition(recording.model, data)
-        rows = dense_jacobian(recording.model, data)[: data.ne]
+        rows = closing_jacobian(recording.model, data)
         if len(rows) != recording.layout.rows:
             continue
         pushed.append((rows[own] @ update[step]) / np.maximum(spring[step, own], mujoco.mjMINVAL))
@@ -295,7 +295,7 @@ def remedy(exam: Examination) -> Iterator[Finding]:
     }
     if not recipe.reached:
         said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
-        yield found("T3", exam.file, said, element=_owner(exam, after.row), **figures)
+        yield found("T3", exam.file, said, element=after.row.equality, **figures)
         return
     whence = "" if before.start == recipe.authored.start else ", from a disturbed start"
     parts = [f"no row off by more than {held(after)} in place of {held(before)}{whence}"]
@@ -328,14 +328,6 @@ def _alone(recipe: Recipe) -> Trial | None:
 
 def _cost(trial: Trial) -> str:
     return "the same cost" if abs(trial.cost - 1.0) <= SAME_COST else f"{trial.cost:.2g} times the cost"
-
-
-def _owner(exam: Examination, label: str) -> str:
-    """The equality of a row."""
-    if exam.recording is None or label not in exam.recording.layout.labels:
-        return label
-    layout = exam.recording.layout
-    return layout.equalities[layout.owner[layout.labels.index(label)]].name
 
 
 def held(trial: Trial) -> str:

@@ -1,5 +1,6 @@
 """The user's own controls of a run, as laws of time: a keyframe's, constant ones, or random smooth ones."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
@@ -62,6 +63,16 @@ def laws(
         if not np.isfinite(value):
             raise InputError(f"control of actuator '{name}' = {value}, expected a finite number")
     return {name: repr(float(value)) for name, value in given.items() if value}
+
+
+def written_out(given: case_file.Drive) -> dict[str, str]:
+    """The laws of a case's drive with the constants written out."""
+    values = given.values()
+
+    def written(name: re.Match[str]) -> str:
+        return f"({values[name[0]]!r})" if name[0] in values else name[0]
+
+    return {actuator: re.sub(r"\b[A-Za-z_]\w*", written, law) for actuator, law in given.ctrl.items()}
 
 
 def actuators(model: mujoco.MjModel) -> list[str]:

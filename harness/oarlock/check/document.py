@@ -139,8 +139,12 @@ def _why(exam: Examination) -> dict[str, Any] | None:
 
 
 def _trial(trial: Trial) -> dict[str, Any]:
-    names = ("label", "start", "drift", "row", "unit", "time_s", "energy_error", "steps", "cost", "predicted")
-    return {name: getattr(trial, name) for name in names} | {"end": trial.end.how, "setting": asdict(trial.setting)}
+    names = ("label", "start", "drift", "unit", "time_s", "energy_error", "steps", "cost", "predicted")
+    return {name: getattr(trial, name) for name in names} | {
+        "row": str(trial.row),
+        "end": trial.end.how,
+        "setting": asdict(trial.setting),
+    }
 
 
 def _recipe(exam: Examination) -> dict[str, Any] | None:

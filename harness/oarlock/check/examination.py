@@ -1,7 +1,6 @@
 """An examination: one model looked at from its loops to what would hold them, each part as soon as it is there."""
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,7 +8,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from oarlock.case_file import Drive
 from oarlock.cases import load_case
 from oarlock.check import controls
 from oarlock.check.drifts import Drift, find_drifts
@@ -197,7 +195,7 @@ def _of_case(name: str, wish: Wish) -> Examination:
     run = case.file.run
     model = load_mechanism(case, integrator=run.integrator)
     start = consistent_start(model, case)
-    kind, laws = "the case's own drive", _without_constants(case.file.drive)
+    kind, laws = "the case's own drive", controls.written_out(case.file.drive)
     if wish.controls or wish.constant:
         kind, laws = _driven(model, wish)
     elif not laws:
@@ -209,16 +207,6 @@ def _of_case(name: str, wish: Wish) -> Examination:
     return Examination(
         name, case.model_path, model, start.qpos, start.qvel, begins, laws, kind, steps, wish, ignored=ignored or ""
     )
-
-
-def _without_constants(drive: Drive) -> dict[str, str]:
-    """The laws of a case's drive with the constants written out."""
-    values = drive.values()
-
-    def written(name: re.Match[str]) -> str:
-        return f"({values[name[0]]!r})" if name[0] in values else name[0]
-
-    return {actuator: re.sub(r"\b[A-Za-z_]\w*", written, law) for actuator, law in drive.ctrl.items()}
 
 
 def _steps(model: mujoco.MjModel, wish: Wish, own_s: float | None) -> int:

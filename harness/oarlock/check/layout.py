@@ -8,6 +8,51 @@ import numpy as np
 from oarlock.errors import InputError
 from oarlock.mechanism import Equality, equalities
 
+SINE = "τ·sin(θ/2)"
+"""Unit of a weld's rotation rows: torquescale τ, angle θ."""
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of an equality; a coupling's has no label, for it has only one.
+
+    Attributes:
+        equality: whose it is; kind: of that.
+        label: an axis, or ``turn x`` for a rotation row of a weld.
+        unit: of its deviation; that of a rotation row is torquescale · sin(half the angle).
+    """
+
+    equality: str
+    kind: str
+    label: str
+    unit: str
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a rotation row of a weld."""
+        return self.label.startswith(_TURN)
+
+    @property
+    def measure(self) -> str:
+        """The unit as it is, where the deviation is no length and no angle."""
+        return SINE if self.turns else self.unit
+
+    def __str__(self) -> str:
+        return f"{self.equality} {self.label}".strip()
+
+
+_TURN = "turn "
+
+
+def _rows(equality: Equality) -> list[Row]:
+    if equality.kind not in ("connect", "weld"):
+        return [Row(equality.name, equality.kind, "", equality.unit)]
+    points = [Row(equality.name, equality.kind, axis, "m") for axis in _AXES]
+    turns = [Row(equality.name, equality.kind, f"{_TURN}{axis}", "rad") for axis in _AXES]
+    return [*points, *turns] if equality.kind == "weld" else points
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -19,15 +64,13 @@ class Layout:
         equalities: those with rows, in MuJoCo's order.
         starts: first row of each of them.
         owner: row → place of its equality in ``equalities``, (rows).
-        units: row → unit of its deviation; a weld's rotation rows are torquescale · sin(half the angle).
-        labels: row → ``pin``, or ``pin[1]`` where an equality has several.
+        named: the rows.
     """
 
     equalities: tuple[Equality, ...]
     starts: tuple[int, ...]
     owner: np.ndarray
-    units: tuple[str, ...]
-    labels: tuple[str, ...]
+    named: tuple[Row, ...]
 
     @classmethod
     def of(cls, model: mujoco.MjModel, active: np.ndarray | None = None) -> "Layout":
@@ -36,13 +79,18 @@ class Layout:
         chosen = tuple(equality for equality in equalities(model) if equality.rows and active[equality.index])
         counts = [equality.rows for equality in chosen]
         starts = tuple(np.concatenate([[0], np.cumsum(counts)])[:-1].astype(int).tolist())
-        units, labels = [], []
-        for equality in chosen:
-            units += ["m"] * 3 + ["rad"] * 3 if equality.kind == "weld" else [equality.unit] * equality.rows
-            single = equality.rows == 1
-            labels += [equality.name] if single else [f"{equality.name}[{row}]" for row in range(equality.rows)]
         owner = np.repeat(np.arange(len(chosen)), counts)
-        return cls(chosen, starts, owner, tuple(units), tuple(labels))
+        return cls(chosen, starts, owner, tuple(row for one in chosen for row in _rows(one)))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What the rows are called."""
+        return tuple(map(str, self.named))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of their deviations."""
+        return tuple(row.unit for row in self.named)
 
     @property
     def rows(self) -> int:

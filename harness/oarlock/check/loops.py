@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.check.assembly import Assembly, Row
+from oarlock.check.assembly import Assembly
+from oarlock.check.layout import Row
 from oarlock.check.paths import Path, Shape, common_shape, path_of, share_dofs
 from oarlock.check.rank import (
     FLOOR,

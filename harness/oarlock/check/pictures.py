@@ -6,7 +6,7 @@ import altair as alt
 import numpy as np
 import polars as pl
 
-from oarlock.check.answers import CAUSE_WORDS, row_unit
+from oarlock.check.answers import CAUSE_WORDS
 from oarlock.check.blocks import plain
 from oarlock.check.exact import ExactRun
 from oarlock.check.examination import Examination
@@ -198,8 +198,7 @@ def parts(found: Examination) -> Figure | None:
         _rounded(sampled(recording.time, values, 2 * POINTS)).with_columns(who=pl.lit(who))
         for who, values in curves.items()
     )
-    layout = recording.layout
-    unit = row_unit(share.label, layout.equalities[layout.owner[share.row]].kind, share.unit)
+    unit = recording.layout.named[share.row].measure
     colours = {CAUSE_WORDS[cause]: colour for cause, colour in CAUSE_COLOURS.items()} | {_TOTAL: "#888"}
     chart = (
         alt.Chart(frame, title=plain(share.label))

@@ -392,6 +392,6 @@ class _Search:
             said.append(self._refused)
         elif math.isfinite(best.drift) and best.drift > self._target:
             said.append("a smaller timestep does not help: it stands on something else than softness and timestep")
-        if worst.kind in ("joint", "tendon"):
-            said.append(f"MuJoCo leaves J̇v out on rows of a {worst.kind} equality, and no softness makes up for it")
+        if worst.row.kind in ("joint", "tendon"):
+            said.append(f"MuJoCo leaves J̇v out on rows of a {worst.row.kind} equality, and no softness makes up for it")
         return "; ".join(said)

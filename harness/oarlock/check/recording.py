@@ -14,7 +14,6 @@ from oarlock.check.controls import drive
 from oarlock.check.layout import Layout, RowColumns
 from oarlock.check.walking import (
     End,
-    dense_jacobian,
     diverged,
     energy_error,
     integrator_name,
@@ -26,7 +25,7 @@ from oarlock.check.walking import (
 from oarlock.curvature import Curvature
 from oarlock.drive import Drive
 from oarlock.errors import InputError
-from oarlock.mechanism import collected_warnings
+from oarlock.mechanism import closing_jacobian, collected_warnings
 
 BLOCK_BYTES = 32_000_000
 """Rows in the metric of M are kept for so many bytes of steps at once, to solve them together."""
@@ -279,7 +278,7 @@ class _Recorder:
         self._curvature.write(data, bend)
         rows["curvature"][step, columns] = bend
 
-        jacobian = dense_jacobian(model, data)[:ne]
+        jacobian = closing_jacobian(model, data)
         force = data.efc_force[:ne]
         loops = jacobian.T @ force
         change = np.zeros((2, model.nv))

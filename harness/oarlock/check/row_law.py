@@ -31,9 +31,9 @@ import mujoco
 import numpy as np
 
 from oarlock.check.recording import Recording
-from oarlock.check.walking import dense_jacobian
 from oarlock.closing import close
 from oarlock.errors import InputError
+from oarlock.mechanism import closing_jacobian
 from oarlock.projection import Projector
 from oarlock.solvers import REFERENCE, SolverSpec
 
@@ -342,7 +342,7 @@ def _accelerations(attribution: Attribution, instants: np.ndarray | None) -> Acc
 
 def whitened_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
     """W = J L⁻ᵀ of the equality rows (ne, nv) with M = L Lᵀ, and L⁻ᵀ (nv, nv): A = W Wᵀ, M⁻¹Jᵀ = L⁻ᵀ Wᵀ."""
-    jacobian = np.ascontiguousarray(dense_jacobian(model, data)[: data.ne])
+    jacobian = np.ascontiguousarray(closing_jacobian(model, data))
     half = np.zeros((model.nv, model.nv))
     mujoco.mj_solveM2(model, data, half, np.eye(model.nv), np.sqrt(data.qLDiagInv))
     return jacobian @ half, half

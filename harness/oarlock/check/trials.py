@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from oarlock.check.controls import drive
-from oarlock.check.layout import Layout, RowColumns
+from oarlock.check.layout import Layout, Row, RowColumns
 from oarlock.check.walking import (
     End,
     diverged,
@@ -129,8 +129,7 @@ class Trial:
         label: what the setting is, in a word or two.
         start: name of the start.
         drift: largest deviation of any row over the run, m or rad; infinite if it diverged.
-        row: label of that row; unit; time_s: when.
-        kind: of that row's equality.
+        row: which one; time_s: when.
         opening: largest deviation of any row at the start, m or rad.
         energy_error: largest energy that came from nowhere, J, as ``Recording.energy_error``; kinetic_energy: the
             largest, J.
@@ -143,9 +142,7 @@ class Trial:
     setting: Setting
     start: str
     drift: float
-    row: str
-    unit: str
-    kind: str
+    row: Row
     time_s: float
     opening: float
     energy_error: float
@@ -155,6 +152,11 @@ class Trial:
     end: End
     cost: float = 1.0
     predicted: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """Of the drift."""
+        return self.row.unit
 
     @property
     def seconds(self) -> float:
@@ -218,9 +220,7 @@ def run_trial(
         setting=setting,
         start=start.name,
         drift=worst if finished else float("inf"),
-        row=layout.labels[row],
-        unit=layout.units[row],
-        kind=layout.equalities[layout.owner[row]].kind,
+        row=layout.named[row],
         time_s=at * setting.timestep_s,
         opening=opening,
         energy_error=float(np.abs(errors).max(initial=0.0)),

@@ -11,15 +11,13 @@ import numpy as np
 
 from oarlock.check import blame
 from oarlock.check.assembly import CONSISTENT
-from oarlock.check.blame import amount, held, in_words, merged, percent
+from oarlock.check.blame import in_words, merged
 from oarlock.check.examination import Examination
 from oarlock.check.findings import Finding, Severity, found, worst_first
 from oarlock.check.loops import Dependency, Group
 from oarlock.check.poses import ClosedPose
 from oarlock.check.stability import EqualityStability
 from oarlock.mechanism import element_name
-
-__all__ = ["amount", "held", "judge", "percent"]
 
 ROUNDED = 1e-5
 """m or rad, and per s: what six digits of a file leave open in a mechanism of some metres. No user's mistake."""

@@ -12,6 +12,7 @@ import numpy as np
 from oarlock.drive import Drive
 from oarlock.errors import InputError
 from oarlock.mechanism import INTEGRATORS, coordinates, element_name
+from oarlock.stepping import MujocoWalker
 
 HUGE = 1e10
 """MuJoCo's own bound (mjMAXVAL): a position, velocity or acceleration beyond it counts as diverged."""
@@ -19,8 +20,6 @@ HUGE = 1e10
 How = Literal["finished", "diverged", "refused"]
 
 _BITS = mujoco.mjtDisableBit
-_RK4, _EULER = int(mujoco.mjtIntegrator.mjINT_RK4), int(mujoco.mjtIntegrator.mjINT_EULER)
-_IMPLICIT = {int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)}
 
 
 @dataclass(frozen=True)
@@ -64,25 +63,22 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
     It ends early where a number is not finite or beyond ``HUGE``, which stays in the data. The drive must have been
     made for this very model: for its hook a copy is another one.
     """
-    integrator, limit = model.opt.integrator, HUGE
+    discrete, limit = integrator_name(model) == "discrete", HUGE
     constant = drive is None or all(law.is_constant for _, law in drive.laws)
     if drive is not None:
         drive.apply(data)
     with nullcontext() if drive is None or constant else drive.installed():
+        walker = MujocoWalker(model, data)
         for step in range(steps):
-            mujoco.mj_forward(model, data)
+            walker.look()
             # Written so that NaN fails it too.
             if not (abs(data.qacc).max() < limit and abs(data.qvel).max() < limit and abs(data.qpos).max() < limit):
                 return
             yield step
-            if integrator == _RK4:
-                mujoco.mj_RungeKutta(model, data, 4)
-            elif integrator == _EULER:
-                mujoco.mj_Euler(model, data)
-            elif integrator in _IMPLICIT:
-                mujoco.mj_implicit(model, data)
-            else:
+            if discrete:
                 mujoco.mj_step(model, data)
+            else:
+                walker.step()
 
 
 def diverged(model: mujoco.MjModel, data: mujoco.MjData) -> End:
@@ -115,13 +111,3 @@ def other_power(data: mujoco.MjData) -> float:
     if data.nefc > ne:
         power += data.efc_force[ne : data.nefc] @ data.efc_vel[ne : data.nefc]
     return float(power)
-
-
-def dense_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """J of all constraint rows, (nefc, nv), also of a model whose Jacobian MuJoCo keeps sparse; maybe a view."""
-    nefc, nv = data.nefc, model.nv
-    if not mujoco.mj_isSparse(model):
-        return data.efc_J[: nefc * nv].reshape(nefc, nv)
-    dense = np.zeros((nefc, nv))
-    mujoco.mju_sparse2dense(dense, data.efc_J, data.efc_J_rownnz[:nefc], data.efc_J_rowadr[:nefc], data.efc_J_colind)
-    return dense
