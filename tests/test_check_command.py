@@ -95,6 +95,19 @@ def test_controls_can_be_chosen(oarlock_here):
     assert first["duration_s"] == pytest.approx(0.1)
 
 
+def test_another_integrator_and_timestep(oarlock_here):
+    """Time stepping under Euler, nothing of it under Runge–Kutta at half the step, of a fast four-bar."""
+    shares = {}
+    for integrator, timestep in (("euler", 1e-3), ("rk4", 5e-4)):
+        asked = ("--integrator", integrator, "--timestep", timestep, "--budget", "0", "--json", "-")
+        document = json.loads(oarlock_here("check", "four_bar", *asked).stdout)
+        assert document["timestep_s"] == timestep
+        (pin,) = document["why"]["equalities"]
+        shares[integrator] = pin["shares"]["stepping"]
+    assert shares["euler"] > 0.9
+    assert abs(shares["rk4"]) < 0.01
+
+
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
@@ -105,6 +118,9 @@ def test_controls_can_be_chosen(oarlock_here):
         ([GRIPPER, "--control", "x"], "--control x, expected ACTUATOR=VALUE"),
         ([GRIPPER, "--control", "x=1"], "actuator"),
         ([GRIPPER, "--duration", "nan"], "--duration = nan, expected a finite number > 0"),
+        ([GRIPPER, "--timestep", "0"], "--timestep = 0, expected a finite number > 0"),
+        ([GRIPPER, "--integrator", "heun"], "expected one of: euler, implicit, implicitfast, rk4"),
+        ([GRIPPER, "--integrator", ""], "expected one of: euler, implicit, implicitfast, rk4"),
         ([GRIPPER, "--target", "0"], "--target = 0, expected a finite number > 0"),
         ([FIXTURES / "unreachable.xml", "--budget", "0", "--write-keyframe", "out.xml"], "no pose near the start"),
         ([FIXTURES / "unreachable.xml", "--write-tuned", "out.xml"], "no closed start"),

@@ -34,6 +34,8 @@ def check(
     ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Of random controls.")] = 0,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Of the run [default: 2 s].")] = None,
+    timestep: Annotated[float | None, typer.Option(metavar="S", help="In place of the model's.")] = None,
+    integrator: Annotated[str | None, typer.Option(metavar="NAME", help="In place of the model's.")] = None,
     target: Annotated[float, typer.Option(metavar="METRES", help="Wanted drift, m or rad.")] = TARGET,
     budget: Annotated[float, typer.Option(metavar="S", min=0.0, help="Time to look for settings; 0: none.")] = BUDGET_S,
     ignore_inequalities: Annotated[
@@ -69,6 +71,8 @@ def check(
         constant=_constants(control or []),
         seed=seed,
         duration_s=duration,
+        timestep_s=timestep,
+        integrator=integrator,
         target=target,
         budget_s=budget,
         ignore_inequalities=ignore_inequalities,

@@ -82,6 +82,8 @@ def check(
     constant: dict[str, float] | None = None,
     seed: int = 0,
     duration_s: float | None = None,
+    timestep_s: float | None = None,
+    integrator: str | None = None,
     target: float = TARGET,
     budget_s: float = BUDGET_S,
     ignore_inequalities: bool = False,
@@ -97,6 +99,8 @@ def check(
         constant: actuator → constant control.
         seed: of random controls.
         duration_s: of the run, s.
+        timestep_s: in place of the model's, s.
+        integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``, in place of the model's.
         target: wanted drift, m or rad.
         budget_s: time for the runs that look for settings, s; 0: none are looked for.
         ignore_inequalities: without contacts, limits and friction.
@@ -106,7 +110,18 @@ def check(
     Raises:
         InputError: no such file, malformed, no equality, or an argument that does not fit the model.
     """
-    wish = Wish(keyframe, controls, constant or {}, seed, duration_s, target, budget_s, ignore_inequalities)
+    wish = Wish(
+        keyframe=keyframe,
+        controls=controls,
+        constant=constant or {},
+        seed=seed,
+        duration_s=duration_s,
+        timestep_s=timestep_s,
+        integrator=integrator,
+        target=target,
+        budget_s=budget_s,
+        ignore_inequalities=ignore_inequalities,
+    )
     # Many small matrices: threads of BLAS wait for one another longer than they work, and for whatever else is running.
     with threadpool_limits(1, user_api="blas"):
         examination = begin(str(file), wish)

@@ -23,7 +23,7 @@ from oarlock.check.uniqueness import Uniqueness, find_uniqueness
 from oarlock.check.wrenches import Wrench, wrenches
 from oarlock.errors import InputError, choose
 from oarlock.inequalities import ignore_inequalities
-from oarlock.mechanism import load_mechanism, load_model
+from oarlock.mechanism import INTEGRATORS, load_mechanism, load_model
 from oarlock.start import consistent_start
 
 DURATION_S = 2.0
@@ -55,6 +55,7 @@ class Wish:
         constant: actuator → control, for ``constant``.
         seed: of random controls.
         duration_s: of the run.
+        timestep_s, integrator: in place of the model's.
         target: wanted drift, m or rad.
         budget_s: time for the runs that look for a recipe; 0: none is looked for.
         ignore_inequalities: without contacts, limits and friction, on both sides.
@@ -65,6 +66,8 @@ class Wish:
     constant: dict[str, float] = field(default_factory=dict)
     seed: int = 0
     duration_s: float | None = None
+    timestep_s: float | None = None
+    integrator: str | None = None
     target: float = TARGET
     budget_s: float = BUDGET_S
     ignore_inequalities: bool = False
@@ -80,6 +83,7 @@ class Examination:
         qpos, qvel: the user's start, (nq) and (nv).
         begins: where that start comes from, in words.
         laws: actuator → control as a law of time; driven: the same in words.
+        own_s: how long the case's own run takes, s; None of a file.
         steps: of the run.
         ignored: contacts, limits and friction that were left out, in words; empty if none were.
         pose: the nearest closed start, with the loops there (``pose.loops``).
@@ -102,8 +106,9 @@ class Examination:
     begins: str
     laws: dict[str, str]
     driven: str
-    steps: int
+    own_s: float | None
     wish: Wish
+    steps: int = 0
     ignored: str = ""
     pose: ClosedPose | None = None
     settings: list[EqualityStability] = field(default_factory=list)
@@ -141,11 +146,21 @@ def begin(model_or_file: str, wish: Wish) -> Examination:
     Raises:
         InputError: no such file, malformed MJCF, no equality, an unknown keyframe or actuator, a number out of range.
     """
-    for what, value in (("--duration", wish.duration_s), ("--target", wish.target)):
+    for what, value in (
+        ("--duration", wish.duration_s),
+        ("--timestep", wish.timestep_s),
+        ("--target", wish.target),
+    ):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(f"{what} = {value:g}, expected a finite number > 0")
+    integrator = None if wish.integrator is None else choose("integrator", wish.integrator, list(INTEGRATORS))
     path = Path(model_or_file)
     found = _of_file(path, wish) if path.is_file() else _of_case(model_or_file, wish)
+    model = found.model
+    if integrator:
+        model.opt.integrator = INTEGRATORS[integrator]
+    model.opt.timestep = wish.timestep_s or model.opt.timestep
+    found.steps = _steps(model, wish, found.own_s)
     if wish.ignore_inequalities:
         found.ignored = ignore_inequalities(found.model)
     return found
@@ -164,9 +179,7 @@ def _of_file(path: Path, wish: Wish) -> Examination:
                 model.body_pos[body], model.body_quat[body] = data.mocap_pos[mocap], data.mocap_quat[mocap]
         begins = f"keyframe '{model.key(key).name or f'#{key}'}'"
     kind, laws = _driven(model, wish)
-    return Examination(
-        str(path), path, model, data.qpos.copy(), data.qvel.copy(), begins, laws, kind, _steps(model, wish, None), wish
-    )
+    return Examination(str(path), path, model, data.qpos.copy(), data.qvel.copy(), begins, laws, kind, None, wish)
 
 
 def _driven(model: mujoco.MjModel, wish: Wish) -> tuple[str, dict[str, str]]:
@@ -202,10 +215,19 @@ def _of_case(name: str, wish: Wish) -> Examination:
         kind = "no drive" if model.nu else "no actuators"
     ignoring = run.ignore_inequalities and not wish.ignore_inequalities
     ignored = ignore_inequalities(model) if ignoring else ""
-    steps = _steps(model, wish, run.duration_s)
     begins = f"the start of case '{case.name}'"
     return Examination(
-        name, case.model_path, model, start.qpos, start.qvel, begins, laws, kind, steps, wish, ignored=ignored or ""
+        name,
+        case.model_path,
+        model,
+        start.qpos,
+        start.qvel,
+        begins,
+        laws,
+        kind,
+        run.duration_s,
+        wish,
+        ignored=ignored or "",
     )
 
 
