@@ -1,15 +1,18 @@
 """Fixtures. The whole case of the boat runs once, beside the other tests, and those that read it come last."""
 
 import json
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import oarlock
 import pytest
 from mechanisms import COMMAND, four_bar, write_model
 from oarlock import cli
+from pairs import GATED
 from suites import TINY
 
 WHOLE_CASE = "boat_run"
@@ -94,3 +97,21 @@ def oarlock_command(tmp_path: Path):
 def tiny(tmp_path: Path) -> Path:
     """A small case of a suite."""
     return write_model(tmp_path / "tiny", four_bar(), TINY).parent
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of real results: a small case with a gate that holds."""
+    folder = tmp_path_factory.mktemp("diff")
+    case = write_model(folder / "tiny", four_bar(), GATED).parent
+    found = oarlock.run(case, out=folder / "results")
+    assert [verdict.held for verdict in found.verdicts] == [True]
+    return folder / "results"
+
+
+@pytest.fixture
+def pair(results: Path, tmp_path: Path) -> tuple[Path, Path]:
+    """The same results twice, to be changed."""
+    for name in ("a", "b"):
+        shutil.copytree(results, tmp_path / name)
+    return tmp_path / "a", tmp_path / "b"

@@ -1,15 +1,18 @@
-"""The gallery's models with their own start and drive, ready for ``oarlock.check``."""
+"""Models with their own start and drive, ready for ``oarlock.check``, and its examinations."""
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 from mechanisms import setup_of
-from oarlock.cases import load_case
+from oarlock.cases import Case, load_case
 from oarlock.check.controls import written_out
+from oarlock.check.examination import Wish, begin, examine
 from oarlock.mechanism import INTEGRATORS, load_model
+from oarlock.start import ConsistentStart, consistent_start
 
 
 @dataclass(frozen=True)
@@ -34,3 +37,24 @@ def piece(name: str, integrator: Any = "euler", timestep_s: float = 1e-3) -> Pie
     model = load_model(case.model_path, case.parameters)
     model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep_s
     return Piece(model, *_start(name), written_out(case.file.drive))
+
+
+def at_start(name: str) -> tuple[Case, mujoco.MjModel, ConsistentStart, mujoco.MjData]:
+    """A case of the gallery, its model with a dense Jacobian, its consistent start, and a data there."""
+    case = load_case(name)
+    model = load_model(case.model_path, case.parameters)
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    start = consistent_start(model, case)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = start.qpos, start.qvel
+    return case, model, start, data
+
+
+def looked_at(file: Path | str, wish: Wish, **options: Any) -> Any:
+    """All parts of an examination, of a model whose options of MuJoCo were changed by name first."""
+    found = begin(str(file), wish)
+    for option, value in options.items():
+        setattr(found.model.opt, option, value)
+    for _ in examine(found):
+        pass
+    return found

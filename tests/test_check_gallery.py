@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from gallery import piece
+from gallery import looked_at, piece
 from oarlock import model_names
 from oarlock.check.examination import Wish, begin, examine
 from oarlock.check.findings import Finding
@@ -18,7 +18,6 @@ from oarlock.check.row_law import HOLDS
 from oarlock.check.trials import Setting, Start, run_trial
 from oarlock.check.verdicts import judge
 from oarlock.check.versions import without_curvature
-from oarlock.mechanism import INTEGRATORS
 
 DURATION_S = {"andrews_squeezer": 0.03}
 """Of a run; 1 s unless it is here: mechanisms of centimetres are fast."""
@@ -33,25 +32,15 @@ FLAT_S, FLAT = 0.7143555293, 1e-3
 """s. When the four-bars of n_four_bar first lie flat, by their own scalar equation; and how well it is met."""
 
 
-def looked_at(name: str, duration_s: float | None = None, **changes) -> Any:
-    """An examination whose model was changed first: integrator, timestep, or options of MuJoCo by name."""
-    wish = Wish(duration_s=duration_s or DURATION_S.get(name, 1.0), target=changes.pop("target", 1e-6))
-    found = begin(name, wish)
-    integrator, timestep = changes.pop("integrator", None), changes.pop("timestep_s", None)
-    if integrator:
-        found.model.opt.integrator = INTEGRATORS[integrator]
-    if timestep:
-        found.steps, found.model.opt.timestep = round(found.duration_s / timestep), timestep
-    for option, value in changes.items():
-        setattr(found.model.opt, option, value)
-    for _ in examine(found):
-        pass
-    return found
+def examined(name: str, duration_s: float | None = None, target: float = 1e-6, **changes) -> Any:
+    """An examination with another integrator or timestep, or options of MuJoCo changed by name."""
+    asked = {key: changes.pop(key) for key in ("integrator", "timestep_s") if key in changes}
+    return looked_at(name, Wish(duration_s=duration_s or DURATION_S.get(name, 1.0), target=target, **asked), **changes)
 
 
 @cache
 def as_it_is(name: str) -> tuple[Any, list[Finding]]:
-    found = looked_at(name)
+    found = examined(name)
     return found, judge(found)
 
 
@@ -102,7 +91,7 @@ def test_an_examination_takes_seconds(capsys):
     took = []
     for name in ("boat", "four_bar", "sarrus", "stewart", "welded_frame"):
         began = time.perf_counter()
-        looked_at(name)
+        examined(name)
         took.append(time.perf_counter() - began)
     with capsys.disabled():
         print(f"\nmedian of an examination of 1 s: {np.median(took):.1f} s")
@@ -113,7 +102,7 @@ def test_an_examination_takes_seconds(capsys):
 
 def test_boat_drifts_by_softness_and_is_held_at_the_same_timestep():
     """In its first two seconds; in twelve the same settings leave 1.2e-6 m under Euler."""
-    found = looked_at("boat", 2.0, integrator="euler")
+    found = examined("boat", 2.0, integrator="euler")
     findings = judge(found)
     worst = found.attribution.worst
     assert abs(worst.worst) == pytest.approx(1.9e-4, rel=PEAK)
@@ -127,36 +116,36 @@ def test_boat_drifts_by_softness_and_is_held_at_the_same_timestep():
 
 
 def test_boat_by_a_solver_that_stops_early():
-    found = looked_at("boat", integrator="euler", solver=mujoco.mjtSolver.mjSOL_PGS, iterations=2)
+    found = examined("boat", integrator="euler", solver=mujoco.mjtSolver.mjSOL_PGS, iterations=2)
     one = only(judge(found), "D6")
     assert one.figures["drift_m"] > 1e-3
     assert one.figures["share_solver"] > 0.9
-    patient = looked_at("boat", integrator="euler", solver=mujoco.mjtSolver.mjSOL_PGS, iterations=200)
+    patient = examined("boat", integrator="euler", solver=mujoco.mjtSolver.mjSOL_PGS, iterations=200)
     assert {"D1", "D6"} & {one.code for one in judge(patient)} == {"D1"}
 
 
 def test_fast_four_bar_by_time_stepping_and_without_curvature():
     """2.1e-3 m and 3.7e-2 m without J̇v on check.md's four-bar, here of another size."""
-    found = looked_at("four_bar", 2.0, integrator="euler")
+    found = examined("four_bar", 2.0, integrator="euler")
     findings = judge(found)
     one = only(findings, "D3")
     assert one.figures["drift_m"] == pytest.approx(1.9e-3, rel=PEAK)
     assert one.figures["share_stepping"] > 1.0
     assert "rk4 in place of euler" in only(findings, "T1").line
     assert only(findings, "V1").figures["without"] > 10 * one.figures["drift_m"]
-    half = looked_at("four_bar", 2.0, integrator="euler", timestep_s=5e-4)
+    half = examined("four_bar", 2.0, integrator="euler", timestep_s=5e-4)
     stepping = [exam.attribution.worst.parts["stepping"] for exam in (found, half)]
     assert abs(stepping[1]) < 0.6 * abs(stepping[0])
 
 
 def test_four_bar_under_implicitfast_has_no_damping_to_blame():
-    codes = {one.code for one in judge(looked_at("four_bar", integrator="implicitfast"))}
+    codes = {one.code for one in judge(examined("four_bar", integrator="implicitfast"))}
     assert "D3" in codes
     assert "D4" not in codes
 
 
 def test_gear_train_by_missing_curvature():
-    found = looked_at("gear_train", integrator="euler", timestep_s=1e-3)
+    found = examined("gear_train", integrator="euler", timestep_s=1e-3)
     one = only(judge(found), "D2")
     assert one.element == "direct_mesh"
     assert one.figures["also"] == ["first_mesh"]
@@ -166,7 +155,7 @@ def test_gear_train_by_missing_curvature():
 
 def test_welded_frame_by_an_inertia_that_is_judged_wrongly():
     """365 times on check.md's frame; this one's rotation rows are 8 times too soft."""
-    found = looked_at("welded_frame", integrator="euler", timestep_s=1e-3)
+    found = examined("welded_frame", integrator="euler", timestep_s=1e-3)
     findings = judge(found)
     assert only(findings, "D1").figures["share_compliance"] == pytest.approx(1.0, abs=0.01)
     ratio = only(findings, "D5").figures["ratio"]
@@ -214,7 +203,7 @@ WANTED = [(name, target) for name in FOUR for target in TARGETS] + [
 @pytest.mark.parametrize(("name", "target"), WANTED)
 def test_a_recipe_reaches_its_target_or_says_why_not(name, target):
     """Under Euler, MuJoCo's default, where it is harder; tried again here with another disturbance than its own."""
-    found = looked_at(name, DURATION_S.get(name, 0.5), integrator="euler", target=target)
+    found = examined(name, DURATION_S.get(name, 0.5), integrator="euler", target=target)
     recipe, findings = found.recipe, judge(found)
     if not recipe.reached:
         one = only(findings, "T3")
@@ -231,7 +220,7 @@ def test_a_recipe_reaches_its_target_or_says_why_not(name, target):
 
 
 def test_a_target_that_cannot_be_reached_says_what_stands_in_the_way():
-    found = looked_at("gear_train", 0.05, integrator="euler", target=1e-12)
+    found = examined("gear_train", 0.05, integrator="euler", target=1e-12)
     one = only(judge(found), "T3")
     assert one.element in {"first_mesh", "second_mesh", "direct_mesh"}
     assert one.figures["drift"] > 1e-12

@@ -4,13 +4,13 @@ import mujoco
 import numpy as np
 import pytest
 import scipy.integrate
+from gallery import at_start
 from mechanisms import TANGLE, four_bar, parallelogram
 from oarlock import load_case, model_names, variant_names
 from oarlock.check.assembly import Assembly
 from oarlock.check.events import rank_events
 from oarlock.check.loops import find_loops, loops_at
 from oarlock.mechanism import load_model
-from oarlock.start import consistent_start
 
 CHEAP = 30
 """Velocities. Beyond, a minimal set takes a tenth of a second."""
@@ -42,12 +42,7 @@ def started():
 
     def give(name):
         if name not in known:
-            case = load_case(name)
-            model = load_model(case.model_path, case.parameters)
-            model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-            start = consistent_start(model, case)
-            data = mujoco.MjData(model)
-            data.qpos[:], data.qvel[:] = start.qpos, start.qvel
+            _, model, _, data = at_start(name)
             known[name] = model, data
         return known[name]
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import mujoco
 import pytest
+from gallery import looked_at
 from oarlock import InputError
 from oarlock.check.blame import in_words, merged
-from oarlock.check.examination import Wish, begin, examine
+from oarlock.check.examination import Wish, begin
 from oarlock.check.findings import Finding, found
 from oarlock.check.gaps import Opening
 from oarlock.check.verdicts import judge
@@ -23,13 +24,7 @@ LESS = 10.0
 
 
 def examined(file: Path | str, wish: Wish | None = None, **options) -> Any:
-    """All parts of an examination, of a model whose options of MuJoCo were changed by name first."""
-    exam = begin(str(file), wish or Wish(duration_s=1.0))
-    for option, value in options.items():
-        setattr(exam.model.opt, option, value)
-    for _ in examine(exam):
-        pass
-    return exam
+    return looked_at(file, wish or Wish(duration_s=1.0), **options)
 
 
 @cache

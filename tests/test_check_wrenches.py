@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from gallery import at_start
 from mechanisms import TANGLE, four_bar, setup_of
 from oarlock import InputError, load_case, model_names, variant_names
 from oarlock.check.assembly import Assembly
@@ -12,7 +13,6 @@ from oarlock.check.loops import loops_at
 from oarlock.check.uniqueness import find_uniqueness
 from oarlock.check.wrenches import wrench_table, wrenches
 from oarlock.mechanism import load_model
-from oarlock.start import consistent_start
 
 VIRTUAL_WORK = 1e-12
 """Nm or N per unit multiplier, on mechanisms of 1 m: the same sums in another order, 4e-16 (measured)."""
@@ -45,13 +45,8 @@ def moving():
 
     def give(name):
         if name not in known:
-            case = load_case(name)
-            model = load_model(case.model_path, case.parameters)
-            model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+            case, model, start, data = at_start(name)
             model.opt.timestep = case.file.run.timestep_s or model.opt.timestep
-            start = consistent_start(model, case)
-            data = mujoco.MjData(model)
-            data.qpos[:], data.qvel[:] = start.qpos, start.qvel
             every = max(1, round(0.01 / model.opt.timestep))
             count = min(50, round(MOTION_S / model.opt.timestep / every))
             poses, forces = np.zeros((count, model.nq)), np.zeros((count, start.rows))
