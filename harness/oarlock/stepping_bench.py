@@ -20,13 +20,12 @@ from oarlock.native_path import NativePath
 from oarlock.python_path import PythonPath
 from oarlock.results import SCHEMA
 from oarlock.setup import Setup
-from oarlock.solvers import REFERENCE, SolverSpec
+from oarlock.solvers import MUJOCO, REFERENCE, SolverSpec
 from oarlock.spool import spools
 
 MODELS = ("boat", "four_bar", "n_four_bar:N=10,connects=2", "n_four_bar:N=40,connects=2")
 STEPS = 2000
 ROUNDS = 15
-PYTHON_STEPS = 200
 RUNS = 16
 
 BARE = "mj_step"
@@ -144,17 +143,9 @@ class Track:
         return once
 
     def _python(self) -> Contender:
-        setup = self._setup()
-        setup.steps = PYTHON_STEPS
-        path = PythonPath(setup, self._terms, self._make, _no_tick, _SPOOLS)
+        path = PythonPath(self._setup(), self._terms, self._make, _no_tick, _SPOOLS)
         tracked = (SolverSpec("sr1-tracked"),)
-
-        def once() -> float:
-            began = time.perf_counter()
-            path.lockstep(SolverSpec("mujoco"), None, ("hard",), tracked)
-            return (time.perf_counter() - began) / PYTHON_STEPS
-
-        return once
+        return lambda: self._timed(lambda: path.lockstep(SolverSpec(MUJOCO), None, ("hard",), tracked))
 
     def _many(self, *, together: bool) -> Contender:
         core = self._path(self._setup()).core
