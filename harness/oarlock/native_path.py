@@ -14,10 +14,10 @@ import polars as pl
 
 from oarlock import _core
 from oarlock.case_file import Baumgarte, Form
+from oarlock.columns import steps_table
 from oarlock.errors import InputError, one_line
 from oarlock.inequalities import refuse_inequalities
 from oarlock.python_path import Make, Spools, Tables, Tick
-from oarlock.results import SCHEMA
 from oarlock.setup import Setup
 from oarlock.solvers import MUJOCO, REFERENCE, SolverSpec
 from oarlock.spool import Spool
@@ -27,8 +27,6 @@ TICK_STEPS = 200
 
 CHUNK_ROWS = 10_000
 """Rows, of all tables of a walk together, that the core holds at most before they are taken over."""
-
-_LIST = pl.List(pl.Float64)
 
 
 @cache
@@ -160,44 +158,14 @@ class NativePath:
         return found
 
     def _frame(self, columns: dict[str, Any], errors: dict[int, dict[str, float]]) -> pl.DataFrame:
-        height = len(columns["step"]) if "step" in columns else 0
-        series = {name: _series(name, column) for name, column in columns.items() if name != "observed"}
+        step = columns.get("step", np.zeros(0))
         if "observed" in columns:
-            observed, lengths = columns["observed"]
-            places = observed.reshape(height, lengths[0])
-            series["truth_error"] = pl.Series(self._setup.truth_errors(columns["step"], places), strict=False)
-        for step, figures in errors.items():
-            row = np.flatnonzero(columns.get("step", np.zeros(0)) == step)
+            observed, lengths = columns.pop("observed")
+            places = observed.reshape(len(step), lengths[0])
+            columns["truth_error"] = ("nullable", self._setup.truth_errors(step, places))
+        for number, figures in errors.items():
             for name, value in figures.items():
-                values = series.get(name, pl.Series([None] * height, dtype=pl.Float64)).to_list()
-                for index in row:
+                values = columns.setdefault(name, [None] * len(step))
+                for index in np.flatnonzero(step == number):
                     values[index] = value
-                series[name] = pl.Series(values, dtype=pl.Float64)
-        missing = {name: pl.Series([None] * height, dtype=kind) for name, kind in SCHEMA.items() if name not in series}
-        whole = {**series, **missing}
-        return pl.DataFrame({name: whole[name].cast(kind) for name, kind in SCHEMA.items()})
-
-
-def _series(name: str, column: Any) -> pl.Series:
-    if isinstance(column, tuple) and isinstance(column[0], str):
-        return pl.Series(column[1]).fill_nan(None)
-    if isinstance(column, tuple):
-        return _lists(*column)
-    series = pl.Series(column)
-    return series.replace(-1, None) if name == "rank" else series
-
-
-def _lists(values: np.ndarray, lengths: np.ndarray) -> pl.Series:
-    """Rows of all numbers, of the given lengths."""
-    # Where the number of rows of the constraints changes, a stretch of equal lengths ends.
-    starts = np.flatnonzero(np.diff(lengths, prepend=lengths[0] + 1))
-    stretches, at = [], 0
-    for start, stop in zip(starts, [*starts[1:], len(lengths)], strict=True):
-        width, count = int(lengths[start]), int(stop - start)
-        part = pl.Series(values[at : at + width * count])
-        at += width * count
-        if width:
-            stretches.append(part.reshape((count, width)).cast(_LIST))
-        else:
-            stretches.append(pl.Series([[]], dtype=_LIST).extend_constant([], count - 1))
-    return pl.concat(stretches)
+        return steps_table(columns, len(step))

@@ -1,0 +1,47 @@
+"""Columns of figures, as both paths collect them, and the table of steps that they become."""
+
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from oarlock.results import SCHEMA
+
+_LIST = pl.List(pl.Float64)
+
+
+def steps_table(columns: dict[str, Any], height: int) -> pl.DataFrame:
+    """The table of so many steps; a column that is missing is null throughout.
+
+    A column is a list or an array with an entry a row. NaN stands for nothing in one that comes as ("nullable", array),
+    −1 in ranks. Lists of numbers come as (all numbers, numbers of each row).
+    """
+    series = {name: _series(name, column) for name, column in columns.items()}
+    missing = {name: pl.Series([None] * height, dtype=kind) for name, kind in SCHEMA.items() if name not in series}
+    whole = {**series, **missing}
+    return pl.DataFrame({name: whole[name].cast(kind) for name, kind in SCHEMA.items()})
+
+
+def _series(name: str, column: Any) -> pl.Series:
+    if isinstance(column, tuple) and isinstance(column[0], str):
+        return pl.Series(column[1]).fill_nan(None)
+    if isinstance(column, tuple):
+        return _lists(*column)
+    series = pl.Series(column, strict=False)
+    return series.replace(-1, None) if name == "rank" else series
+
+
+def _lists(values: np.ndarray, lengths: np.ndarray) -> pl.Series:
+    """Rows of all numbers, of the given lengths."""
+    # Where the number of rows of the constraints changes, a stretch of equal lengths ends.
+    starts = np.flatnonzero(np.diff(lengths, prepend=lengths[0] + 1))
+    stretches, at = [], 0
+    for start, stop in zip(starts, [*starts[1:], len(lengths)], strict=True):
+        width, count = int(lengths[start]), int(stop - start)
+        part = pl.Series(values[at : at + width * count])
+        at += width * count
+        if width:
+            stretches.append(part.reshape((count, width)).cast(_LIST))
+        else:
+            stretches.append(pl.Series([[]], dtype=_LIST).extend_constant([], count - 1))
+    return pl.concat(stretches)
