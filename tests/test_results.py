@@ -11,8 +11,10 @@ from mechanisms import boat_copy, four_bar, only, write_model
 from oarlock import InputError, load_case, run
 from oarlock.aggregate import judge, summarise
 from oarlock.case_file import Gate
+from oarlock.columns import steps_table
 from oarlock.metrics import largest, relative_difference
-from oarlock.results import SCHEMA, Recorder, ResultFolder, RunKey, RunResult, replacing, write_text
+from oarlock.results import SCHEMA, ResultFolder, RunKey, RunResult, replacing, write_text
+from oarlock.spool import Spool
 
 KEY = RunKey("c", "free", "pinv", "pinv", "hard", "rk4", "default", "python", 1e-3, 3)
 CONTRACT = {
@@ -57,10 +59,9 @@ def kept(tmp_path_factory):
 
 def recorded(**columns):
     """A run of made-up steps."""
-    recorder = Recorder()
-    for values in zip(*columns.values(), strict=True):
-        recorder.append(**dict(zip(columns, values, strict=True)))
-    return RunResult(KEY, "done", "", recorder.steps())
+    steps = Spool(SCHEMA)
+    steps.append(steps_table(columns, len(next(iter(columns.values())))))
+    return RunResult(KEY, "done", "", steps)
 
 
 # The summary.
@@ -212,7 +213,7 @@ def test_file_names_tell_settings_apart(tmp_path):
 
 def test_names_of_settings_cannot_leave_the_folder(tmp_path):
     key = RunKey("../c", "free", "pinv", "pinv", "hard", "rk4", "../../etc/passwd", "python", 1e-3, 3)
-    ResultFolder(tmp_path / "in").write_steps(RunResult(key, "done", "", Recorder().steps()))
+    ResultFolder(tmp_path / "in").write_steps(RunResult(key, "done", "", Spool(SCHEMA)))
     assert [path.parent for path in tmp_path.rglob("*.parquet")] == [tmp_path / "in" / "steps"]
 
 

@@ -206,7 +206,8 @@ def test_truth_error_of_a_site_is_its_worst_component(tmp_path, offsets, error):
     assert setup.truth.columns == ["time_s", "x", "y", "z"]
     data = setup.data()
     mujoco.mj_forward(setup.model, data)
-    assert setup.truth_error(3, data) == pytest.approx(error, abs=TRUTH_INTERPOLATION)
+    (found,) = setup.truth_errors(np.array([3]), setup.place(data)[None])
+    assert found == pytest.approx(error, abs=TRUTH_INTERPOLATION)
 
 
 @pytest.mark.parametrize(

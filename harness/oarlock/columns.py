@@ -27,7 +27,7 @@ def _series(name: str, column: Any) -> pl.Series:
         return pl.Series(column[1]).fill_nan(None)
     if isinstance(column, tuple):
         return _lists(*column)
-    series = pl.Series(column, strict=False)
+    series = pl.Series(column, dtype=SCHEMA[name], strict=False)
     return series.replace(-1, None) if name == "rank" else series
 
 

@@ -113,8 +113,10 @@ class Curvature:
             InputError: an equality of another kind was switched on, or a tendon's length has no second derivative.
         """
         ne = data.ne
-        stiffness, damping, impedance, _ = data.efc_KBIP[:ne].T
-        out[:] = -damping * data.efc_vel[:ne] - stiffness * impedance * data.efc_pos[:ne] - data.efc_aref[:ne]
+        law = data.efc_KBIP
+        stiffness, damping, impedance = law[:ne, 0], law[:ne, 1], law[:ne, 2]
+        asked = damping * data.efc_vel[:ne] + stiffness * impedance * data.efc_pos[:ne] + data.efc_aref[:ne]
+        np.negative(asked, out)
         if not self._couplings and not self._unknown:
             return
         self._kinematics.read(data)

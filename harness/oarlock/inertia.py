@@ -32,7 +32,7 @@ class Inertia:
         Raises:
             InputError: no rows, or numbers that are not finite.
         """
-        whitened = np.zeros_like(jacobian)
+        whitened = np.empty(jacobian.shape)
         if len(jacobian):
             mujoco.mj_solveM2(self._model, data, whitened, jacobian, np.sqrt(data.qLDiagInv))
         self.system.assemble_factored(whitened, jacobian, unconstrained, aref, softness)
@@ -41,5 +41,5 @@ class Inertia:
     def acceleration(self, data: mujoco.MjData, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Acceleration a₀ + M⁻¹ Jᵀ λ and constraint force Jᵀ λ, both (nv), of multipliers λ (n)."""
         qfrc = self.system.force(multipliers)
-        mujoco.mj_solveM(self._model, data, self._change, qfrc[None, :])
+        mujoco.mj_solveM(self._model, data, self._change, qfrc[None])
         return self._unconstrained + self._change[0], qfrc

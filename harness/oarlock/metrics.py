@@ -1,60 +1,66 @@
-"""Figures of one step."""
+"""Figures of steps. Of many steps at once, arrays have a leading axis of steps."""
+
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
 from oarlock.projection import Projector
-from oarlock.solvers import Answer
-from oarlock.state import State
+from oarlock.solvers import Answer, Solution
+from oarlock.state import Seen, State
 from oarlock.vectors import norm, times
 
 
-def relative_difference(value: np.ndarray, reference: np.ndarray) -> float:
+def relative_difference(value: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """‖value − reference‖ / ‖reference‖; the absolute difference where the reference is zero."""
     scale, difference = norm(reference), norm(value - reference)
-    return difference / scale if scale > 0 else difference
+    return difference / np.where(scale > 0, scale, 1.0)
 
 
-def largest(values: np.ndarray) -> float:
-    """Largest magnitude; 0 of nothing."""
-    return float(np.abs(values).max()) if len(values) else 0.0
+def largest(values: np.ndarray) -> np.ndarray:
+    """Largest magnitude of an entry; 0 of nothing."""
+    return np.abs(values).max(-1, initial=0.0)
 
 
-def drift(state: State, qacc: np.ndarray) -> dict[str, float]:
+def drift(rows: State | Seen, qacc: np.ndarray | None) -> dict[str, np.ndarray]:
     """How open the worst row is: position r, velocity J v, acceleration J a + J̇v (m or rad, per s, per s²)."""
-    return {
-        "drift_pos": largest(state.residual),
-        "drift_vel": largest(state.rate),
-        "drift_acc": largest(times(state.jacobian, qacc) + state.curvature),
-    }
+    found = {"drift_pos": largest(rows.residual), "drift_vel": largest(rows.rate)}
+    if qacc is not None:
+        found["drift_acc"] = largest(times(rows.jacobian, qacc) + rows.curvature)
+    return found
 
 
-def solving(answers: list[Answer], reference: Answer | None) -> dict[str, object]:
-    """What the solves of one step took, and how far the first one is from the minimum-norm solution.
+def solving(answers: Sequence[Sequence[Answer]], references: Sequence[Solution]) -> dict[str, object]:
+    """What the solves of each step took, and how far the first one is from the minimum-norm solution.
 
-    ``reference`` is the pseudo-inverse's answer to the first one's question; it also gives the rank and the
-    inconsistency, which are the question's and not every solver knows them.
+    ``references`` are the pseudo-inverse's answers to the first ones' questions, or there are none; they also give the
+    rank and the inconsistency, which are the question's and not every solver knows them.
     """
-    infos = [answer.info for answer in answers]
-    first = answers[0]
-    known = reference.info if reference else first.info
-    unconverged = [info.status for info in infos if info.status != "converged"]
-    return {
-        "status": unconverged[0] if unconverged else "converged",
-        "solves": len(infos),
-        "unconverged": len(unconverged),
-        "iterations": sum(info.iterations for info in infos),
-        "iterations_worst": max(info.iterations for info in infos),
-        "products": sum(info.products for info in infos),
+    infos = [[answer.info for answer in step] for step in answers]
+    every = [info for step in infos for info in step]
+    begins = np.cumsum([0, *map(len, infos[:-1])])
+    wrong = [[info.status for info in step if info.status != "converged"] for step in infos]
+    known = [solution.info for solution in references] or [step[0] for step in infos]
+    iterations = np.array([info.iterations for info in every])
+    found = {
+        "status": [statuses[0] if statuses else "converged" for statuses in wrong],
+        "solves": [len(step) for step in infos],
+        "unconverged": [len(statuses) for statuses in wrong],
+        "iterations": np.add.reduceat(iterations, begins),
+        "iterations_worst": np.maximum.reduceat(iterations, begins),
+        "products": np.add.reduceat([info.products for info in every], begins),
         # A new fold changes the size, and a solver has to start from something: that is counted apart.
-        "refreshes": sum(info.refreshed and not info.refolded for info in infos),
-        "refolds": sum(info.refolded for info in infos),
-        "residual_rel": max(info.residual_rel for info in infos),
-        "solve_ns": sum(info.elapsed_ns for info in infos),
-        "rank": known.rank,
-        "inconsistency": known.inconsistency,
-        "min_norm_error": relative_difference(first.multipliers, reference.multipliers) if reference else None,
+        "refreshes": np.add.reduceat([int(info.refreshed and not info.refolded) for info in every], begins),
+        "refolds": np.add.reduceat([int(info.refolded) for info in every], begins),
+        "residual_rel": np.maximum.reduceat([info.residual_rel for info in every], begins),
+        "solve_ns": np.add.reduceat([info.elapsed_ns for info in every], begins),
+        "rank": [info.rank for info in known],
+        "inconsistency": [info.inconsistency for info in known],
     }
+    if references:
+        multipliers = np.array([step[0].multipliers for step in answers])
+        found["min_norm_error"] = relative_difference(multipliers, np.array([one.multipliers for one in references]))
+    return found
 
 
 def projecting(projector: Projector | None) -> dict[str, object]:
@@ -71,11 +77,12 @@ def projecting(projector: Projector | None) -> dict[str, object]:
     }
 
 
-def against_mujoco(answer: Answer, qacc: np.ndarray, qfrc: np.ndarray) -> dict[str, float]:
-    """Relative differences of acceleration and constraint force from MuJoCo's at the same state."""
+def against_mujoco(answers: Sequence[Answer], mujoco: Sequence[tuple[np.ndarray, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Relative differences of acceleration and constraint force from MuJoCo's own (qacc, qfrc) at the same states."""
+    qacc, qfrc = map(np.array, zip(*mujoco, strict=True))
     return {
-        "qacc_rel_diff": relative_difference(answer.qacc, qacc),
-        "qfrc_constraint_rel_diff": relative_difference(answer.qfrc, qfrc),
+        "qacc_rel_diff": relative_difference(np.array([answer.qacc for answer in answers]), qacc),
+        "qfrc_constraint_rel_diff": relative_difference(np.array([answer.qfrc for answer in answers]), qfrc),
     }
 
 

@@ -25,7 +25,7 @@ def componentwise(value: np.ndarray, published: np.ndarray) -> float:
     """
     scale = np.abs(published)
     scale[scale == 0] = scale.max() or 1.0
-    return largest((value - published) / scale)
+    return float(largest((value - published) / scale))
 
 
 class PublishedValues:
@@ -91,7 +91,7 @@ class PublishedValues:
                 continue
             if value.position is not None:
                 apart = observed.position(data) - np.atleast_1d(value.position)
-                worse("published_position_error", largest(apart))
+                worse("published_position_error", float(largest(apart)))
             if value.velocity is not None:
                 printed = np.array([value.velocity])
                 worse("published_velocity_error_rel", componentwise(np.array([observed.velocity(data)]), printed))

@@ -1,6 +1,6 @@
 """The Python path: the experiments walked by ``stepping.py``. The readable one, and the oracle of the native path.
 
-Rows are written at the start of every step, where state, question and answer belong together.
+Rows are of the start of every step, where state, question and answer belong together.
 """
 
 import time
@@ -14,14 +14,14 @@ from oarlock._core import MultiplierSolver
 from oarlock.case_file import Baumgarte, Form
 from oarlock.errors import DiskError, InputError, RefusedError, one_line
 from oarlock.mechanism import unsolved
-from oarlock.metrics import Energy, against_mujoco, drift, largest, projecting, solving
+from oarlock.metrics import Energy, projecting
 from oarlock.projection import Projector
-from oarlock.results import Recorder
+from oarlock.recorder import Recorder, Row
 from oarlock.setup import Setup
 from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
 from oarlock.spool import Spool
-from oarlock.state import State
-from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker
+from oarlock.state import Seen, State
+from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_finite
 
 Make = Callable[[SolverSpec], MultiplierSolver]
 """Makes a solver with the defaults of the case."""
@@ -59,7 +59,7 @@ class Companion:
         apart = self._setup.apart(data.qpos, qpos)
         self._walker.look()
         self._walker.step()
-        self._alive = bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
+        self._alive = is_finite(data)
         return apart
 
 
@@ -78,19 +78,13 @@ class PythonPath:
         data = setup.data()
         walker = ForcedWalker(setup.model, data, setup.drive, MujocoForce(setup.model))
         recorder = self._recorder()
+        nothing = np.zeros(0)
 
         def record(step: int) -> Finish:
-            figures = {
-                "step": step,
-                "time_s": data.time,
-                "status": "converged",
-                "drift_pos": largest(data.efc_pos[: data.ne]),
-                "drift_vel": largest(data.efc_vel[: data.ne]),
-                "trajectory_diff": theirs.compare(data.qpos),
-                "truth_error": setup.truth_error(step, data),
-                "qpos": data.qpos.copy(),
-            }
-            return lambda step_us: recorder.append(**figures, step_us=step_us)
+            seen = Seen(data.efc_pos[: data.ne].copy(), data.efc_vel[: data.ne].copy(), nothing, nothing)
+            row = Row(step, data.time, data.qpos.copy(), setup.place(data), seen)
+            apart = theirs.compare(data.qpos)
+            return lambda step_us: recorder.append(row, status="converged", trajectory_diff=apart, step_us=step_us)
 
         message = self._walk(walker, record)
         return [recorder.steps()], message
@@ -123,24 +117,20 @@ class PythonPath:
 
         def record(step: int) -> Finish:
             state.read()
-            qacc, qfrc = leader.mujoco_answer()
+            theirs = leader.mujoco_answer()
+            common = self._common(step, state)
             rows = []
             for question, reference_solver in questions:
                 question.ask()
-                reference = question.answer(reference_solver)
+                reference = question.solve(reference_solver)
                 for spec in solvers:
                     answer = question.answer(answering[question.form, spec])
-                    figures = {
-                        **self._common(step, data, state, answer.qacc),
-                        **solving([answer], reference),
-                        **against_mujoco(answer, qacc, qfrc),
-                        "multipliers": answer.multipliers,
-                    }
-                    rows.append((recorders[question.form, spec], figures))
+                    row = Row(*common, answer.qacc, answer.multipliers, [answer], reference, theirs)
+                    rows.append((recorders[question.form, spec], row))
 
             def finish(step_us: float) -> None:
-                for recorder, figures in rows:
-                    recorder.append(**figures, **projecting(last), step_us=step_us)
+                for recorder, row in rows:
+                    recorder.append(row, **projecting(last), step_us=step_us)
 
             return finish
 
@@ -166,16 +156,15 @@ class PythonPath:
                 ours.qpos[:], ours.qvel[:], ours.act[:] = data.qpos, data.qvel, data.act
                 ours.time = data.time
                 walker.look()
-                figures = self._common(step, ours, state, ours.qacc)
-                figures["multipliers"] = forces[key].answers[0].multipliers
+                common = self._common(step, state)
                 walker.step()
-                figures.update(solving(forces[key].answers, None))
-                forces[key].answers.clear()
-                rows.append((recorders[key], figures, ours.qpos.copy()))
+                answers = forces[key].take()
+                row = Row(*common, answers[0].qacc, answers[0].multipliers, answers)
+                rows.append((recorders[key], row, ours.qpos.copy()))
 
             def finish(step_us: float) -> None:
-                for recorder, figures, qpos in rows:
-                    recorder.append(**figures, trajectory_diff=setup.apart(data.qpos, qpos), step_us=step_us)
+                for recorder, row, qpos in rows:
+                    recorder.append(row, trajectory_diff=setup.apart(data.qpos, qpos), step_us=step_us)
 
             return finish
 
@@ -199,8 +188,8 @@ class PythonPath:
         def record(step: int) -> Finish:
             state.read()
             iterations = walker.iterations
+            row = Row(*self._common(step, state), data.qacc.copy(), data.efc_force.copy())
             figures = {
-                **self._common(step, data, state, data.qacc),
                 "status": "converged",
                 "solves": 1,
                 "unconverged": 0,
@@ -208,9 +197,8 @@ class PythonPath:
                 "iterations_worst": iterations,
                 **energy.of(data),
                 **setup.published.errors(step, data),
-                "multipliers": data.efc_force.copy(),
             }
-            return lambda step_us: recorder.append(**figures, step_us=step_us)
+            return lambda step_us: recorder.append(row, **figures, step_us=step_us)
 
         message = self._walk(walker, record)
         return [recorder.steps()], message
@@ -229,19 +217,18 @@ class PythonPath:
         recorder = self._recorder()
 
         def record(step: int) -> Finish:
+            common = self._common(step, state)
             figures = {
-                **self._common(step, data, state, data.qacc),
                 "trajectory_diff": theirs.compare(data.qpos),
                 **energy.of(data),
                 **setup.published.errors(step, data),
-                "multipliers": force.answers[0].multipliers,
             }
-            reference = force.question.answer(reference_solver)
+            reference = force.question.solve(reference_solver)
 
             def finish(step_us: float) -> None:
-                solves = solving(force.answers, reference)
-                recorder.append(**figures, **solves, **projecting(last), step_us=step_us)
-                force.answers.clear()
+                answers = force.take()
+                row = Row(*common, answers[0].qacc, answers[0].multipliers, answers, reference)
+                recorder.append(row, **figures, **projecting(last), step_us=step_us)
 
             return finish
 
@@ -275,7 +262,7 @@ class PythonPath:
                     if step == 0:
                         raise
                     return f"step {step}, t = {data.time:.6g} s: {one_line(error)}"
-                if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+                if not is_finite(data):
                     return f"step {step}, t = {data.time:.6g} s: the state is no longer finite"
                 ticks += 1
                 if ticks == _TICK_STEPS:
@@ -285,17 +272,13 @@ class PythonPath:
         return ""
 
     def _recorder(self) -> Recorder:
-        return Recorder(*self._spools(1))
+        return Recorder(self._setup, *self._spools(1))
 
     def _recorders(self, keys: Collection[Key]) -> dict[Key, Recorder]:
-        return {key: Recorder(spool) for key, spool in zip(keys, self._spools(len(keys)), strict=True)}
+        spools = self._spools(len(keys))
+        return {key: Recorder(self._setup, spool) for key, spool in zip(keys, spools, strict=True)}
 
-    def _common(self, step: int, data: mujoco.MjData, state: State, qacc: np.ndarray) -> dict:
-        return {
-            "step": step,
-            "time_s": data.time,
-            **drift(state, qacc),
-            "truth_error": self._setup.truth_error(step, data),
-            "qpos": data.qpos.copy(),
-            "residual": state.residual.copy(),
-        }
+    def _common(self, step: int, state: State) -> tuple[int, float, np.ndarray, np.ndarray, Seen]:
+        """What a row begins with."""
+        data = state.data
+        return step, data.time, data.qpos.copy(), self._setup.place(data), state.seen()

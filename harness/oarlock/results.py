@@ -59,9 +59,6 @@ SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
 }
 """Columns of a steps table; a figure that does not apply is null."""
 
-RECORDED = 2000
-"""Rows that a recorder holds at most."""
-
 
 @dataclass(frozen=True)
 class RunKey:
@@ -119,33 +116,6 @@ class RunResult:
         ]
         names = [name for name in SCHEMA if name not in asdict(self.key)]
         return self.steps.lazy().select(pl.col("step"), *key, *(pl.col(name) for name in names if name != "step"))
-
-
-class Recorder:
-    """Collects the rows of one run, and hands them over in chunks: as Python objects they take much room."""
-
-    def __init__(self, spool: Spool | None = None) -> None:
-        self._spool = Spool(SCHEMA) if spool is None else spool
-        self._clear()
-
-    def append(self, **figures: Any) -> None:
-        """One step; what is not given is null."""
-        for name, column in self._columns.items():
-            column.append(figures.get(name))
-        if len(self._columns["step"]) >= RECORDED:
-            self._hand_over()
-
-    def steps(self) -> Spool:
-        """The rows."""
-        self._hand_over()
-        return self._spool
-
-    def _hand_over(self) -> None:
-        self._spool.append(pl.DataFrame(self._columns, schema=SCHEMA, strict=False))
-        self._clear()
-
-    def _clear(self) -> None:
-        self._columns: dict[str, list[Any]] = {name: [] for name in SCHEMA}
 
 
 @contextmanager

@@ -22,8 +22,7 @@ MAX_STEPS = 10_000_000
 TRUTH_ROWS = 50_000
 """Rows of the table of the truth at most: it is there to be drawn, and no figure shows more points."""
 
-_BLOCK = 1024
-"""Steps that the truth is computed for at once."""
+_NOWHERE = np.zeros(0)
 
 
 def _steps(duration_s: float, timestep_s: float) -> int:
@@ -76,7 +75,7 @@ class Setup:
             known = case.file.truth
             where = f"[truth] of case '{case.name}'"
             self.observed = Observed(self.model, where, joint=known.joint, site=known.site)
-            self._trajectory, self._block = truth, (-1, np.zeros((0, 1)))
+            self._trajectory = truth
             shown = np.linspace(0, self.steps - 1, min(self.steps, TRUTH_ROWS)).astype(int)
             names = ["position"] if known.joint else ["x", "y", "z"]
             places = dict(zip(names, self._places(shown).T, strict=True))
@@ -88,21 +87,18 @@ class Setup:
         data.qpos[:], data.qvel[:] = self.start.qpos, self.start.qvel
         return data
 
-    def truth_error(self, step: int, data: mujoco.MjData) -> float | None:
-        """Distance of the joint or site that the truth knows from where it should be at the start of a step.
+    def place(self, data: mujoco.MjData) -> np.ndarray:
+        """Where the joint or site is that the truth knows, (1 or 3), at a state whose position stage is done.
 
-        In the coordinate that is furthest off, at a state whose position stage is done.
+        Empty without a truth.
         """
-        if self.truth is None:
-            return None
-        number, at = divmod(step, _BLOCK)
-        if self._block[0] != number:  # a table of splines is slow to ask, however little
-            self._block = number, self._places(np.arange(number * _BLOCK, (number + 1) * _BLOCK))
-        place = self._block[1][at]
-        return largest(self.observed.position(data) - place) if np.isfinite(place).all() else None
+        return _NOWHERE if self.truth is None else self.observed.position(data).copy()
 
     def truth_errors(self, steps: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """The same of many steps, with what was observed of each, (steps, 1 or 3); NaN where the truth is not known."""
+        """Distance of places (steps, 1 or 3) from where they should be at those steps; NaN where that is not known.
+
+        In the coordinate that is furthest off.
+        """
         path = self._places(steps)
         errors = np.abs(places - path).max(axis=1)
         return np.where(np.isfinite(path).all(axis=1), errors, np.nan)
@@ -115,5 +111,5 @@ class Setup:
         """Largest difference of two positions in any coordinate (rad or m); None if one of them is not finite."""
         apart = np.zeros(self.model.nv)
         mujoco.mj_differentiatePos(self.model, apart, 1.0, qpos1, qpos2)
-        difference = largest(apart)
+        difference = float(largest(apart))
         return difference if np.isfinite(difference) else None

@@ -66,6 +66,13 @@ class SolverSpec:
         return _core.make_solver(self.name, **dict(self.options))
 
 
+class Solution(NamedTuple):
+    """Multipliers (ne) of one state, and the solver's info."""
+
+    multipliers: np.ndarray
+    info: _core.Info
+
+
 class Answer(NamedTuple):
     """Multipliers (ne) of one state, the accelerations and constraint forces (nv) they give, and the solver's info."""
 
@@ -89,8 +96,12 @@ class Question:
         aref, softness = state.question(self.form)
         self._inertia.assemble(state.data, state.jacobian, state.unconstrained, aref, softness)
 
+    def solve(self, solver: _core.MultiplierSolver) -> Solution:
+        """One solver's multipliers."""
+        return Solution(*solver.solve_system(self._inertia.system))
+
     def answer(self, solver: _core.MultiplierSolver) -> Answer:
-        """One solver's answer."""
+        """One solver's multipliers, and what follows of them."""
         multipliers, info = solver.solve_system(self._inertia.system)
         qacc, qfrc = self._inertia.acceleration(self.state.data, multipliers)
         return Answer(multipliers, qacc, qfrc, info)
@@ -103,7 +114,12 @@ class SolvedForce:
         self.question = Question(state, form)
         self._state, self._solver = state, solver
         self.answers: list[Answer] = []
-        """The answers since the list was last cleared: one a stage."""
+        """The answers since they were last taken: one a stage."""
+
+    def take(self) -> list[Answer]:
+        """Gives the answers and forgets them."""
+        answers, self.answers = self.answers, []
+        return answers
 
     def apply(self, data: mujoco.MjData) -> None:
         """Writes qacc, qfrc_constraint and efc_force."""

@@ -1,5 +1,7 @@
 """What one state says: J, the smooth acceleration, and the constraint rows, straight from MuJoCo's arrays."""
 
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 
@@ -9,11 +11,19 @@ from oarlock.inequalities import refuse_inequalities
 from oarlock.mechanism import jacobian
 
 
+class Seen(NamedTuple):
+    """What is kept of a state; of many states with a leading axis of steps. For the fields see ``State``."""
+
+    residual: np.ndarray
+    rate: np.ndarray
+    curvature: np.ndarray
+    jacobian: np.ndarray
+
+
 class State:
     """J and the rows of a state whose smooth stages are done.
 
-    ``read`` refreshes the fields. ``jacobian`` and the row vectors alias MuJoCo's arena: they hold until the next
-    stage call on the same data.
+    ``read`` refreshes the fields. All but ``curvature`` alias MuJoCo's arrays: they hold until the next stage call.
 
     Attributes:
         jacobian: J, (ne, nv).
@@ -27,7 +37,6 @@ class State:
         self.model, self.data = model, data
         self._curvature = Curvature(model, data)
         self._beta2, self._k = 2.0 * baumgarte.beta, baumgarte.k
-        self.curvature = np.zeros(0)
 
     def read(self) -> None:
         """Takes the fields from the data.
@@ -37,14 +46,16 @@ class State:
         """
         data = self.data
         refuse_inequalities(self.model, data)
-        ne = data.ne
         self.jacobian = jacobian(self.model, data)
         self.unconstrained = data.qacc_smooth
         self.residual = data.efc_pos
         self.rate = data.efc_vel
-        if len(self.curvature) != ne:
-            self.curvature = np.zeros(ne)
+        self.curvature = np.empty(data.ne)
         self._curvature.write(data, self.curvature)
+
+    def seen(self) -> Seen:
+        """The fields to keep."""
+        return Seen(self.residual.copy(), self.rate.copy(), self.curvature, self.jacobian.copy())
 
     def question(self, form: Form) -> tuple[np.ndarray, np.ndarray | None]:
         """The accelerations asked of the rows, aref (ne), and their softness, R (ne) or None.

@@ -22,6 +22,15 @@ _SMALL_ANGLE = 1e-4
 """rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding."""
 
 
+def is_finite(data: mujoco.MjData) -> bool:
+    """Whether positions and velocities are finite."""
+    qpos, qvel = data.qpos, data.qvel
+    # Sums of squares are asked faster, and only those of finite numbers are finite. An overflow leaves it open.
+    if qpos.dot(qpos) < math.inf and qvel.dot(qvel) < math.inf:
+        return True
+    return bool(np.isfinite(qpos).all() and np.isfinite(qvel).all())
+
+
 def smooth_stages(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive) -> None:
     """Leaves M, J, R, aref, qfrc_smooth and qacc_smooth of the state ready, without MuJoCo's constraint solver."""
     mujoco.mj_fwdPosition(model, data)
@@ -119,9 +128,12 @@ class ForcedWalker:
 
         A projection may move the state about as far as the step itself did; more is refused, and noted in its status.
         """
+        if self._projector is None:
+            self._integrate()
+            return
         fastest = np.abs(self.data.qvel).max()
         self._integrate()
-        if self._projector and np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all():
+        if is_finite(self.data):
             fastest = max(fastest, np.abs(self.data.qvel).max())
             self._projector.project(self.data, trust=self.model.opt.timestep * float(fastest))
 

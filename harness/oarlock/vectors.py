@@ -4,7 +4,6 @@ BLAS, NumPy's sums and MuJoCo's helpers choose by machine and build in which ord
 product with a sum. Here both are fixed, so that the native stepping gives the same bits.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,18 +11,22 @@ import numpy as np
 Vector = tuple[float, float, float]
 
 
-def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """The product (rows) of a matrix (rows, columns) and a vector (columns), each row summed from left to right."""
-    products = matrix * vector
-    if not products.size:
-        return np.zeros(len(products))
+def total(terms: np.ndarray) -> np.ndarray:
+    """The sums (…) of terms (…, n), from left to right."""
+    if not terms.size:
+        return np.zeros(terms.shape[:-1])
     # Partial sums admit no other order.
-    return np.add.accumulate(products, 1, None, products)[:, -1]
+    return np.add.accumulate(terms, -1)[..., -1]
 
 
-def norm(vector: np.ndarray) -> float:
-    """The norm √Σv², summed from left to right."""
-    return math.sqrt(times(vector[None], vector)[0])
+def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """The product (…, rows) of matrices (…, rows, columns) and vectors (…, columns), each row from left to right."""
+    return total(matrix * vector[..., None, :])
+
+
+def norm(vector: np.ndarray) -> np.ndarray:
+    """The norms √Σv² (…) of vectors (…, n), summed from left to right."""
+    return np.sqrt(total(vector * vector))
 
 
 def plus(a: Vector, b: Vector) -> Vector:

@@ -21,7 +21,7 @@ from oarlock.metrics import drift
 from oarlock.projection import TRACKED, Projector
 from oarlock.solvers import REFERENCE, SolvedForce, SolverSpec
 from oarlock.state import State
-from oarlock.stepping import ForcedWalker
+from oarlock.stepping import ForcedWalker, is_finite
 
 SOLVER = SolverSpec("auto")
 
@@ -213,7 +213,7 @@ def _python(model: mujoco.MjModel, data: mujoco.MjData, laws: dict[str, str], st
                 return End("refused", time, str(error).partition(", expected")[0])
             except InputError as error:
                 return End("diverged", time, one_line(error))
-            if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+            if not is_finite(data):
                 return End("diverged", time, f"the state is no longer finite at t = {time:.6g} s")
             force.answers.clear()
     return _finished(steps, model)
