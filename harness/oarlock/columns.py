@@ -14,7 +14,7 @@ def steps_table(columns: dict[str, Any], height: int) -> pl.DataFrame:
     """The table of so many steps; a column that is missing is null throughout.
 
     A column is a list or an array with an entry a row. NaN stands for nothing in one that comes as ("nullable", array),
-    −1 in ranks. Lists of numbers come as (all numbers, numbers of each row).
+    −1 in an array of ranks. Lists of numbers come as (all numbers, numbers of each row).
     """
     series = {name: _series(name, column) for name, column in columns.items()}
     missing = {name: pl.Series([None] * height, dtype=kind) for name, kind in SCHEMA.items() if name not in series}
@@ -28,7 +28,7 @@ def _series(name: str, column: Any) -> pl.Series:
     if isinstance(column, tuple):
         return _lists(*column)
     series = pl.Series(column, dtype=SCHEMA[name], strict=False)
-    return series.replace(-1, None) if name == "rank" else series
+    return series.replace(-1, None) if name == "rank" and isinstance(column, np.ndarray) else series
 
 
 def _lists(values: np.ndarray, lengths: np.ndarray) -> pl.Series:

@@ -1,13 +1,14 @@
 """Figures of steps. Of many steps at once, arrays have a leading axis of steps."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 
+from oarlock._core import Info
 from oarlock.projection import Projector
-from oarlock.solvers import Answer, Solution
-from oarlock.state import Seen, State
+from oarlock.state import State
 from oarlock.vectors import norm, times
 
 
@@ -22,27 +23,24 @@ def largest(values: np.ndarray) -> np.ndarray:
     return np.abs(values).max(-1, initial=0.0)
 
 
-def drift(rows: State | Seen, qacc: np.ndarray | None) -> dict[str, np.ndarray]:
+def drift(state: State, qacc: np.ndarray) -> tuple[float, float, float]:
     """How open the worst row is: position r, velocity J v, acceleration J a + J̇v (m or rad, per s, per s²)."""
-    found = {"drift_pos": largest(rows.residual), "drift_vel": largest(rows.rate)}
-    if qacc is not None:
-        found["drift_acc"] = largest(times(rows.jacobian, qacc) + rows.curvature)
-    return found
+    acceleration = times(state.jacobian, qacc) + state.curvature
+    return float(largest(state.residual)), float(largest(state.rate)), float(largest(acceleration))
 
 
-def solving(answers: Sequence[Sequence[Answer]], references: Sequence[Solution]) -> dict[str, object]:
-    """What the solves of each step took, and how far the first one is from the minimum-norm solution.
+def solving(infos: Sequence[Sequence[Info]], references: Sequence[Info] | None) -> dict[str, Any]:
+    """What the solves of each step took.
 
-    ``references`` are the pseudo-inverse's answers to the first ones' questions, or there are none; they also give the
-    rank and the inconsistency, which are the question's and not every solver knows them.
+    ``references`` are the pseudo-inverse's infos on the first solve's question: they give the rank and the
+    inconsistency, which are the question's and not every solver knows them.
     """
-    infos = [[answer.info for answer in step] for step in answers]
     every = [info for step in infos for info in step]
     begins = np.cumsum([0, *map(len, infos[:-1])])
     wrong = [[info.status for info in step if info.status != "converged"] for step in infos]
-    known = [solution.info for solution in references] or [step[0] for step in infos]
+    known = references or [step[0] for step in infos]
     iterations = np.array([info.iterations for info in every])
-    found = {
+    return {
         "status": [statuses[0] if statuses else "converged" for statuses in wrong],
         "solves": [len(step) for step in infos],
         "unconverged": [len(statuses) for statuses in wrong],
@@ -57,10 +55,6 @@ def solving(answers: Sequence[Sequence[Answer]], references: Sequence[Solution])
         "rank": [info.rank for info in known],
         "inconsistency": [info.inconsistency for info in known],
     }
-    if references:
-        multipliers = np.array([step[0].multipliers for step in answers])
-        found["min_norm_error"] = relative_difference(multipliers, np.array([one.multipliers for one in references]))
-    return found
 
 
 def projecting(projector: Projector | None) -> dict[str, object]:
@@ -74,15 +68,6 @@ def projecting(projector: Projector | None) -> dict[str, object]:
         "projection_solves": last.solves,
         "projection_iterations": last.iterations,
         "projection_moved": last.moved,
-    }
-
-
-def against_mujoco(answers: Sequence[Answer], mujoco: Sequence[tuple[np.ndarray, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Relative differences of acceleration and constraint force from MuJoCo's own (qacc, qfrc) at the same states."""
-    qacc, qfrc = map(np.array, zip(*mujoco, strict=True))
-    return {
-        "qacc_rel_diff": relative_difference(np.array([answer.qacc for answer in answers]), qacc),
-        "qfrc_constraint_rel_diff": relative_difference(np.array([answer.qfrc for answer in answers]), qfrc),
     }
 
 

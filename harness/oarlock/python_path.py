@@ -4,8 +4,7 @@ Rows are of the start of every step, where state, question and answer belong tog
 """
 
 import time
-from collections.abc import Callable, Collection
-from typing import TypeVar
+from collections.abc import Callable
 
 import mujoco
 import numpy as np
@@ -20,7 +19,7 @@ from oarlock.recorder import Recorder, Row
 from oarlock.setup import Setup
 from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
 from oarlock.spool import Spool
-from oarlock.state import Seen, State
+from oarlock.state import State
 from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_finite
 
 Make = Callable[[SolverSpec], MultiplierSolver]
@@ -37,8 +36,6 @@ Spools = Callable[[int], list[Spool]]
 
 Tables = tuple[list[Spool], str]
 """A table for each who answers, and what ended the run early, or nothing."""
-
-Key = TypeVar("Key")
 
 _TICK_STEPS = 200
 
@@ -78,13 +75,12 @@ class PythonPath:
         data = setup.data()
         walker = ForcedWalker(setup.model, data, setup.drive, MujocoForce(setup.model))
         recorder = self._recorder()
-        nothing = np.zeros(0)
 
         def record(step: int) -> Finish:
-            seen = Seen(data.efc_pos[: data.ne].copy(), data.efc_vel[: data.ne].copy(), nothing, nothing)
-            row = Row(step, data.time, data.qpos.copy(), setup.place(data), seen)
+            row = Row(data.qpos, setup.place(data), data.efc_pos[: data.ne], data.efc_vel[: data.ne])
             apart = theirs.compare(data.qpos)
-            return lambda step_us: recorder.append(row, status="converged", trajectory_diff=apart, step_us=step_us)
+            recorder.note(row, step=step, time_s=data.time, status="converged", trajectory_diff=apart)
+            return lambda step_us: recorder.end(step_us=step_us)
 
         message = self._walk(walker, record)
         return [recorder.steps()], message
@@ -104,38 +100,41 @@ class PythonPath:
         setup = self._setup
         data = setup.data()
         state = self._state(data)
-        last = None
+        force, last = None, None
         if walker.name == MUJOCO:
             leader: Walker = MujocoWalker(setup.model, data)
         else:
             force = SolvedForce(state, "hard", self._make(walker))
             last = self._projector(projector)
             leader = ForcedWalker(setup.model, data, setup.drive, force, last)
-        questions = [(Question(state, form), self._make(SolverSpec(REFERENCE))) for form in forms]
-        answering = {(form, spec): self._make(spec) for form in forms for spec in solvers}
-        recorders = self._recorders(answering)
+        make, recorders = self._make, self._recorders(len(forms) * len(solvers))
+        tables = iter(recorders)
+        questions = [
+            (Question(state, form), make(SolverSpec(REFERENCE)), [(make(spec), next(tables)) for spec in solvers])
+            for form in forms
+        ]
 
         def record(step: int) -> Finish:
             state.read()
-            theirs = leader.mujoco_answer()
-            common = self._common(step, state)
-            rows = []
-            for question, reference_solver in questions:
+            qacc, qfrc = leader.mujoco_answer()
+            for question, reference_solver, answering in questions:
                 question.ask()
-                reference = question.solve(reference_solver)
-                for spec in solvers:
-                    answer = question.answer(answering[question.form, spec])
-                    row = Row(*common, answer.qacc, answer.multipliers, [answer], reference, theirs)
-                    rows.append((recorders[question.form, spec], row))
+                minimum, reference = question.solve(reference_solver)
+                for solver, recorder in answering:
+                    answer = question.answer(solver)
+                    row = self._row(state, answer.qacc, answer.multipliers, minimum, answer.qfrc, qacc, qfrc)
+                    recorder.note(row, step=step, time_s=data.time, infos=[answer.info], reference=reference)
 
             def finish(step_us: float) -> None:
-                for recorder, row in rows:
-                    recorder.append(row, **projecting(last), step_us=step_us)
+                for recorder in recorders:
+                    recorder.end(**projecting(last), step_us=step_us)
+                if force is not None:
+                    force.take_infos()
 
             return finish
 
         message = self._walk(leader, record)
-        return [recorder.steps() for recorder in recorders.values()], message
+        return [recorder.steps() for recorder in recorders], message
 
     def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
         """From each of MuJoCo's states, one step each: what a single step adds to the difference. Form by form.
@@ -145,31 +144,30 @@ class PythonPath:
         setup = self._setup
         data, ours = setup.data(), setup.data()
         state = self._state(ours)
-        asked: list[tuple[Form, SolverSpec]] = [(form, spec) for form in forms for spec in solvers]
-        recorders = self._recorders(asked)
-        forces = {key: SolvedForce(state, key[0], self._make(key[1])) for key in recorders}
-        walkers = {key: ForcedWalker(setup.model, ours, setup.drive, force) for key, force in forces.items()}
+        forces = [SolvedForce(state, form, self._make(spec)) for form in forms for spec in solvers]
+        walkers = [ForcedWalker(setup.model, ours, setup.drive, force) for force in forces]
+        recorders = self._recorders(len(forces))
 
         def record(step: int) -> Finish:
-            rows = []
-            for key, walker in walkers.items():
+            reached = []
+            for walker, recorder in zip(walkers, recorders, strict=True):
                 ours.qpos[:], ours.qvel[:], ours.act[:] = data.qpos, data.qvel, data.act
                 ours.time = data.time
                 walker.look()
-                common = self._common(step, state)
+                row = self._row(state, ours.qacc, ours.efc_force)
+                recorder.note(row, step=step, time_s=ours.time)
                 walker.step()
-                answers = forces[key].take()
-                row = Row(*common, answers[0].qacc, answers[0].multipliers, answers)
-                rows.append((recorders[key], row, ours.qpos.copy()))
+                reached.append(ours.qpos.copy())
 
             def finish(step_us: float) -> None:
-                for recorder, row, qpos in rows:
-                    recorder.append(row, trajectory_diff=setup.apart(data.qpos, qpos), step_us=step_us)
+                for force, recorder, qpos in zip(forces, recorders, reached, strict=True):
+                    apart = setup.apart(data.qpos, qpos)
+                    recorder.end(infos=force.take_infos(), trajectory_diff=apart, step_us=step_us)
 
             return finish
 
         message = self._walk(MujocoWalker(setup.model, data), record)
-        return [recorder.steps() for recorder in recorders.values()], message
+        return [recorder.steps() for recorder in recorders], message
 
     def free(self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None) -> Tables:
         """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form."""
@@ -188,8 +186,9 @@ class PythonPath:
         def record(step: int) -> Finish:
             state.read()
             iterations = walker.iterations
-            row = Row(*self._common(step, state), data.qacc.copy(), data.efc_force.copy())
             figures = {
+                "step": step,
+                "time_s": data.time,
                 "status": "converged",
                 "solves": 1,
                 "unconverged": 0,
@@ -198,7 +197,8 @@ class PythonPath:
                 **energy.of(data),
                 **setup.published.errors(step, data),
             }
-            return lambda step_us: recorder.append(row, **figures, step_us=step_us)
+            recorder.note(self._row(state, data.qacc, data.efc_force), **figures)
+            return lambda step_us: recorder.end(step_us=step_us)
 
         message = self._walk(walker, record)
         return [recorder.steps()], message
@@ -217,18 +217,19 @@ class PythonPath:
         recorder = self._recorder()
 
         def record(step: int) -> Finish:
-            common = self._common(step, state)
             figures = {
+                "step": step,
+                "time_s": data.time,
                 "trajectory_diff": theirs.compare(data.qpos),
                 **energy.of(data),
                 **setup.published.errors(step, data),
             }
-            reference = force.question.solve(reference_solver)
+            minimum, reference = force.question.solve(reference_solver)
+            row = self._row(state, data.qacc, data.efc_force, minimum)
+            recorder.note(row, reference=reference, **figures)
 
             def finish(step_us: float) -> None:
-                answers = force.take()
-                row = Row(*common, answers[0].qacc, answers[0].multipliers, answers, reference)
-                recorder.append(row, **figures, **projecting(last), step_us=step_us)
+                recorder.end(infos=force.take_infos(), **projecting(last), step_us=step_us)
 
             return finish
 
@@ -272,13 +273,13 @@ class PythonPath:
         return ""
 
     def _recorder(self) -> Recorder:
-        return Recorder(self._setup, *self._spools(1))
+        return self._recorders(1)[0]
 
-    def _recorders(self, keys: Collection[Key]) -> dict[Key, Recorder]:
-        spools = self._spools(len(keys))
-        return {key: Recorder(self._setup, spool) for key, spool in zip(keys, spools, strict=True)}
+    def _recorders(self, count: int) -> list[Recorder]:
+        return [Recorder(self._setup, spool) for spool in self._spools(count)]
 
-    def _common(self, step: int, state: State) -> tuple[int, float, np.ndarray, np.ndarray, Seen]:
-        """What a row begins with."""
-        data = state.data
-        return step, data.time, data.qpos.copy(), self._setup.place(data), state.seen()
+    def _row(self, state: State, *answers: np.ndarray) -> Row:
+        """What a run notes of a state, and the answers to it: from ``Row.qacc`` on."""
+        data, jacobian = state.data, state.jacobian.ravel()
+        place = self._setup.place(data)
+        return Row(data.qpos, place, state.residual, state.rate, state.curvature, jacobian, *answers)

@@ -4,63 +4,88 @@ On six numbers a call of NumPy costs as much as on six thousand.
 """
 
 from collections.abc import Sequence
-from itertools import groupby
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from oarlock.columns import steps_table
-from oarlock.metrics import against_mujoco, drift, solving
+from oarlock.metrics import largest, relative_difference, solving
 from oarlock.setup import Setup
-from oarlock.solvers import Answer, Solution
 from oarlock.spool import Spool
-from oarlock.state import Seen
+from oarlock.vectors import times
 
 RECORDED = 2000
 """Rows that a recorder holds at most."""
 
 HELD = 4 * 2**20
-"""Bytes of Jacobians that it holds, about."""
+"""Bytes of them that it holds, about."""
+
+NOTHING = np.zeros(0)
+"""Stands in a row for what does not apply."""
 
 
 class Row(NamedTuple):
-    """What one run saw at the start of one step, in arrays of its own; what does not apply is left out.
+    """The vectors of the state at the start of one step; of many steps each is an array (steps, …).
 
     Attributes:
         place: what the outside truth speaks of, as ``Setup.place``.
+        jacobian: J, flat, (ne nv).
         qacc: the run's acceleration, (nv).
         multipliers: and its multipliers, (ne).
-        answers: of its solver, one a stage.
-        reference: of the reference solver, to the first one's question.
-        mujoco: MuJoCo's own qacc and qfrc_constraint there, (nv).
+        qfrc: and its constraint force, (nv), where it is held against MuJoCo's.
+        minimum: the minimum-norm multipliers, (ne).
+        mujoco_qacc, mujoco_qfrc: MuJoCo's own, (nv).
     """
 
-    step: int
-    time_s: float
     qpos: np.ndarray
     place: np.ndarray
-    seen: Seen
-    qacc: np.ndarray | None = None
-    multipliers: np.ndarray | None = None
-    answers: Sequence[Answer] = ()
-    reference: Solution | None = None
-    mujoco: tuple[np.ndarray, np.ndarray] | None = None
+    residual: np.ndarray
+    rate: np.ndarray
+    curvature: np.ndarray = NOTHING
+    jacobian: np.ndarray = NOTHING
+    qacc: np.ndarray = NOTHING
+    multipliers: np.ndarray = NOTHING
+    minimum: np.ndarray = NOTHING
+    qfrc: np.ndarray = NOTHING
+    mujoco_qacc: np.ndarray = NOTHING
+    mujoco_qfrc: np.ndarray = NOTHING
 
 
 class Recorder:
-    """Collects the rows of one run, and hands them over in blocks."""
+    """Collects the rows of one run, and hands them over in blocks.
+
+    A step is noted while its vectors hold, and counts once it has come to its end.
+    """
 
     def __init__(self, setup: Setup, spool: Spool):
         self._setup, self._spool = setup, spool
-        self._rows: list[tuple[Row, dict[str, Any]]] = []
-        self._room = 0
+        self._noted: tuple[np.ndarray, dict[str, Any]] = NOTHING, {}
+        self._vectors: list[np.ndarray] = []
+        self._figures: list[dict[str, Any]] = []
+        self._length, self._room = -1, RECORDED
+        self._ends: list[int] = []
 
-    def append(self, row: Row, **figures: Any) -> None:
-        """One step, with figures that are columns as they are; what is not given is null."""
-        if not self._rows:
-            self._room = min(RECORDED, 1 + HELD // (1 + row.seen.jacobian.nbytes))
-        self._rows.append((row, figures))
-        if len(self._rows) >= self._room:
+    def note(self, row: Row, **figures: Any) -> None:
+        """The start of a step: its vectors, which are copied, and figures that are columns as they are."""
+        vector = np.concatenate(row)
+        if len(vector) != self._length:  # the number of constraint rows has changed
+            self._hand_over()
+            self._length = len(vector)
+            self._room = min(RECORDED, 1 + HELD // vector.nbytes)
+            self._ends = np.cumsum([len(part) for part in row])[:-1].tolist()
+        self._noted = vector, figures
+
+    def end(self, **figures: Any) -> None:
+        """Its end, with more figures.
+
+        Besides columns these are the ``infos`` of its solves, the first one's before the others', and the
+        ``reference`` solver's.
+        """
+        vector, noted = self._noted
+        self._vectors.append(vector)
+        self._figures.append(noted | figures)
+        if len(self._vectors) >= self._room:
             self._hand_over()
 
     def steps(self) -> Spool:
@@ -69,45 +94,41 @@ class Recorder:
         return self._spool
 
     def _hand_over(self) -> None:
-        rows, self._rows = self._rows, []
-        # The number of constraint rows may change on the way.
-        for _, block in groupby(rows, lambda pair: len(pair[0].seen.residual)):
-            seen, figures = zip(*block, strict=True)
-            self._spool.append(steps_table({**self._columns(seen), **_as_given(figures)}, len(seen)))
+        height = len(self._vectors)
+        if not height:
+            return
+        rows = Row(*np.split(np.array(self._vectors), self._ends, axis=1))
+        names = dict.fromkeys(chain.from_iterable(self._figures))
+        figures: dict[str, list[Any]] = {name: [figures.get(name) for figures in self._figures] for name in names}
+        self._vectors, self._figures = [], []
+        infos, references = figures.pop("infos", []), figures.pop("reference", None)
+        columns = {**self._columns(rows, figures["step"]), **figures}
+        if infos:
+            columns |= solving(infos, references)
+        self._spool.append(steps_table(columns, height))
 
-    def _columns(self, rows: Sequence[Row]) -> dict[str, Any]:
-        """The columns of rows that all have the same."""
-        first = rows[0]
-        step = np.array([row.step for row in rows])
-        seen = Seen(*map(np.array, zip(*(row.seen for row in rows), strict=True)))
-        qacc = None if first.qacc is None else np.array([row.qacc for row in rows])
+    def _columns(self, rows: Row, steps: Sequence[int]) -> dict[str, Any]:
+        """What follows of the vectors."""
         columns = {
-            "step": step,
-            "time_s": np.array([row.time_s for row in rows]),
-            "qpos": _lists([row.qpos for row in rows]),
-            **drift(seen, qacc),
+            "qpos": _lists(rows.qpos),
+            "drift_pos": largest(rows.residual),
+            "drift_vel": largest(rows.rate),
         }
-        if self._setup.truth is not None:
-            places = np.array([row.place for row in rows])
-            columns["truth_error"] = ("nullable", self._setup.truth_errors(step, places))
-        if qacc is not None:
-            columns["residual"] = _lists(seen.residual)
-            columns["multipliers"] = _lists([row.multipliers for row in rows])
-        if first.answers:
-            references = [row.reference for row in rows if row.reference is not None]
-            columns |= solving([row.answers for row in rows], references)
-        if first.mujoco is not None:
-            theirs = [row.mujoco for row in rows if row.mujoco is not None]
-            columns |= against_mujoco([row.answers[0] for row in rows], theirs)
+        if rows.place.size:
+            columns["truth_error"] = "nullable", self._setup.truth_errors(np.array(steps), rows.place)
+        if rows.qacc.size:
+            jacobian = rows.jacobian.reshape(*rows.residual.shape, rows.qacc.shape[1])
+            columns["drift_acc"] = largest(times(jacobian, rows.qacc) + rows.curvature)
+            columns["residual"] = _lists(rows.residual)
+            columns["multipliers"] = _lists(rows.multipliers)
+        if rows.minimum.size:
+            columns["min_norm_error"] = relative_difference(rows.multipliers, rows.minimum)
+        if rows.mujoco_qacc.size:
+            columns["qacc_rel_diff"] = relative_difference(rows.qacc, rows.mujoco_qacc)
+            columns["qfrc_constraint_rel_diff"] = relative_difference(rows.qfrc, rows.mujoco_qfrc)
         return columns
 
 
-def _as_given(figures: Sequence[dict[str, Any]]) -> dict[str, list[Any]]:
-    names = dict.fromkeys(name for given in figures for name in given)
-    return {name: [given.get(name) for given in figures] for name in names}
-
-
-def _lists(vectors: Any) -> tuple[np.ndarray, np.ndarray]:
-    """A column of lists, of vectors of one length."""
-    stacked = np.array(vectors)
-    return stacked.ravel(), np.full(len(stacked), stacked.shape[1])
+def _lists(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A column of lists, of vectors (steps, n)."""
+    return vectors.ravel(), np.full(len(vectors), vectors.shape[1])

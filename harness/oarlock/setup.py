@@ -92,7 +92,7 @@ class Setup:
 
         Empty without a truth.
         """
-        return _NOWHERE if self.truth is None else self.observed.position(data).copy()
+        return _NOWHERE if self.truth is None else self.observed.position(data)
 
     def truth_errors(self, steps: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Distance of places (steps, 1 or 3) from where they should be at those steps; NaN where that is not known.

@@ -66,13 +66,6 @@ class SolverSpec:
         return _core.make_solver(self.name, **dict(self.options))
 
 
-class Solution(NamedTuple):
-    """Multipliers (ne) of one state, and the solver's info."""
-
-    multipliers: np.ndarray
-    info: _core.Info
-
-
 class Answer(NamedTuple):
     """Multipliers (ne) of one state, the accelerations and constraint forces (nv) they give, and the solver's info."""
 
@@ -96,13 +89,13 @@ class Question:
         aref, softness = state.question(self.form)
         self._inertia.assemble(state.data, state.jacobian, state.unconstrained, aref, softness)
 
-    def solve(self, solver: _core.MultiplierSolver) -> Solution:
-        """One solver's multipliers."""
-        return Solution(*solver.solve_system(self._inertia.system))
+    def solve(self, solver: _core.MultiplierSolver) -> tuple[np.ndarray, _core.Info]:
+        """One solver's multipliers (ne) and info."""
+        return solver.solve_system(self._inertia.system)
 
     def answer(self, solver: _core.MultiplierSolver) -> Answer:
         """One solver's multipliers, and what follows of them."""
-        multipliers, info = solver.solve_system(self._inertia.system)
+        multipliers, info = self.solve(solver)
         qacc, qfrc = self._inertia.acceleration(self.state.data, multipliers)
         return Answer(multipliers, qacc, qfrc, info)
 
@@ -113,13 +106,12 @@ class SolvedForce:
     def __init__(self, state: State, form: Form, solver: _core.MultiplierSolver):
         self.question = Question(state, form)
         self._state, self._solver = state, solver
-        self.answers: list[Answer] = []
-        """The answers since they were last taken: one a stage."""
+        self._infos: list[_core.Info] = []
 
-    def take(self) -> list[Answer]:
-        """Gives the answers and forgets them."""
-        answers, self.answers = self.answers, []
-        return answers
+    def take_infos(self) -> list[_core.Info]:
+        """The infos of the solves since they were last taken: one a stage."""
+        infos, self._infos = self._infos, []
+        return infos
 
     def apply(self, data: mujoco.MjData) -> None:
         """Writes qacc, qfrc_constraint and efc_force."""
@@ -129,4 +121,4 @@ class SolvedForce:
         data.qacc[:] = answer.qacc
         data.qfrc_constraint[:] = answer.qfrc
         data.efc_force[:] = answer.multipliers
-        self.answers.append(answer)
+        self._infos.append(answer.info)

@@ -1,7 +1,5 @@
 """What one state says: J, the smooth acceleration, and the constraint rows, straight from MuJoCo's arrays."""
 
-from typing import NamedTuple
-
 import mujoco
 import numpy as np
 
@@ -9,15 +7,6 @@ from oarlock.case_file import Baumgarte, Form
 from oarlock.curvature import Curvature
 from oarlock.inequalities import refuse_inequalities
 from oarlock.mechanism import jacobian
-
-
-class Seen(NamedTuple):
-    """What is kept of a state; of many states with a leading axis of steps. For the fields see ``State``."""
-
-    residual: np.ndarray
-    rate: np.ndarray
-    curvature: np.ndarray
-    jacobian: np.ndarray
 
 
 class State:
@@ -52,10 +41,6 @@ class State:
         self.rate = data.efc_vel
         self.curvature = np.empty(data.ne)
         self._curvature.write(data, self.curvature)
-
-    def seen(self) -> Seen:
-        """The fields to keep."""
-        return Seen(self.residual.copy(), self.rate.copy(), self.curvature, self.jacobian.copy())
 
     def question(self, form: Form) -> tuple[np.ndarray, np.ndarray | None]:
         """The accelerations asked of the rows, aref (ne), and their softness, R (ne) or None.

@@ -263,7 +263,7 @@ def _exact_run(case: Case, steps: int) -> np.ndarray:
                 raise
             except InputError:
                 break  # what cannot be solved has diverged
-            force.answers.clear()
+            force.take_infos()
     return path
 
 

@@ -205,9 +205,9 @@ def _python(model: mujoco.MjModel, data: mujoco.MjData, laws: dict[str, str], st
             time = float(data.time)
             try:
                 walker.look()
-                answer = force.answers[0]
-                figures = np.array(list(drift(state, data.qacc).values()))
-                rows.append(data.qpos, state.residual[: data.ne], answer.multipliers, figures, answer.info.rank)
+                rank = force.take_infos()[0].rank
+                figures = np.array(drift(state, data.qacc))
+                rows.append(data.qpos, state.residual[: data.ne], data.efc_force[: data.ne], figures, rank)
                 walker.step()
             except RefusedError as error:
                 return End("refused", time, str(error).partition(", expected")[0])
@@ -215,5 +215,5 @@ def _python(model: mujoco.MjModel, data: mujoco.MjData, laws: dict[str, str], st
                 return End("diverged", time, one_line(error))
             if not is_finite(data):
                 return End("diverged", time, f"the state is no longer finite at t = {time:.6g} s")
-            force.answers.clear()
+            force.take_infos()
     return _finished(steps, model)
