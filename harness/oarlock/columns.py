@@ -24,7 +24,7 @@ def steps_table(columns: dict[str, Any], height: int) -> pl.DataFrame:
 
 def _series(name: str, column: Any) -> pl.Series:
     if isinstance(column, tuple) and isinstance(column[0], str):
-        return pl.Series(column[1]).fill_nan(None)
+        return pl.Series(column[1], nan_to_null=True)
     if isinstance(column, tuple):
         return _lists(*column)
     series = pl.Series(column, dtype=SCHEMA[name], strict=False)

@@ -60,21 +60,22 @@ class Recorder:
 
     def __init__(self, setup: Setup, spool: Spool):
         self._setup, self._spool = setup, spool
-        self._noted: tuple[np.ndarray, dict[str, Any]] = NOTHING, {}
-        self._vectors: list[np.ndarray] = []
+        self._noted: tuple[bytes, dict[str, Any]] = b"", {}
+        self._vectors: list[bytes] = []
         self._figures: list[dict[str, Any]] = []
         self._length, self._room = -1, RECORDED
         self._ends: list[int] = []
 
     def note(self, row: Row, **figures: Any) -> None:
-        """The start of a step: its vectors, which are copied, and figures that are columns as they are."""
-        vector = np.concatenate(row)
-        if len(vector) != self._length:  # the number of constraint rows has changed
+        """The start of a step: its vectors (contiguous), which are copied, and figures that are columns as they are."""
+        buffers: Any = row
+        vectors = b"".join(buffers)  # an array would take seven times as long
+        if len(vectors) != self._length:  # the number of constraint rows has changed
             self._hand_over()
-            self._length = len(vector)
-            self._room = min(RECORDED, 1 + HELD // vector.nbytes)
-            self._ends = np.cumsum([len(part) for part in row])[:-1].tolist()
-        self._noted = vector, figures
+            self._length = len(vectors)
+            self._room = min(RECORDED, 1 + HELD // len(vectors))
+            self._ends = np.cumsum([len(vector) for vector in row])[:-1].tolist()
+        self._noted = vectors, figures
 
     def end(self, **figures: Any) -> None:
         """Its end, with more figures.
@@ -82,8 +83,8 @@ class Recorder:
         Besides columns these are the ``infos`` of its solves, the first one's before the others', and the
         ``reference`` solver's.
         """
-        vector, noted = self._noted
-        self._vectors.append(vector)
+        vectors, noted = self._noted
+        self._vectors.append(vectors)
         self._figures.append(noted | figures)
         if len(self._vectors) >= self._room:
             self._hand_over()
@@ -97,7 +98,8 @@ class Recorder:
         height = len(self._vectors)
         if not height:
             return
-        rows = Row(*np.split(np.array(self._vectors), self._ends, axis=1))
+        whole = np.frombuffer(b"".join(self._vectors)).reshape(height, -1)
+        rows = Row(*np.split(whole, self._ends, axis=1))
         names = dict.fromkeys(chain.from_iterable(self._figures))
         figures: dict[str, list[Any]] = {name: [figures.get(name) for figures in self._figures] for name in names}
         self._vectors, self._figures = [], []
