@@ -4,6 +4,7 @@ import json
 import re
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
@@ -39,6 +40,14 @@ def test_list(oarlock_command, oarlock_here):
     boat = only(entries, name="boat")
     assert [boat[key] for key in ("nq", "nv", "rows", "rank", "redundancy", "dof")] == [5, 5, 6, 4, 2, 1]
     assert all(entry["name"] in plain.stdout and entry["title"] in plain.stdout for entry in entries)
+
+
+def test_a_command_loads_only_what_it_needs():
+    """Each of these takes a tenth of a second or more, and a command that does not use it would wait for it."""
+    heavy = ["altair", "vl_convert", "jinja2", "scipy.optimize", "scipy.interpolate", "oarlock.check.examination"]
+    code = f"import sys, oarlock.cli; print([name for name in {heavy} if name in sys.modules])"
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
+    assert finished.stdout == "[]\n"
 
 
 def test_list_fits_a_terminal(oarlock_here, monkeypatch):
