@@ -166,25 +166,24 @@ class NativePath:
             observed, lengths = columns["observed"]
             places = observed.reshape(height, lengths[0])
             series["truth_error"] = pl.Series(self._setup.truth_errors(columns["step"], places), strict=False)
+        unknown = pl.Series([None]).new_from_index(0, height)
         for step, figures in errors.items():
             row = np.flatnonzero(columns.get("step", np.zeros(0)) == step)
             for name, value in figures.items():
-                values = series.get(name, pl.Series([None] * height, dtype=pl.Float64)).to_list()
+                values = series.get(name, unknown).to_list()
                 for index in row:
                     values[index] = value
                 series[name] = pl.Series(values, dtype=pl.Float64)
-        missing = {name: pl.Series([None] * height, dtype=kind) for name, kind in SCHEMA.items() if name not in series}
-        whole = {**series, **missing}
-        return pl.DataFrame({name: whole[name].cast(kind) for name, kind in SCHEMA.items()})
+        return pl.DataFrame({name: series.get(name, unknown).cast(kind) for name, kind in SCHEMA.items()})
 
 
 def _series(name: str, column: Any) -> pl.Series:
     if isinstance(column, tuple) and isinstance(column[0], str):
-        return pl.Series(column[1]).fill_nan(None)
+        return pl.Series(column[1], nan_to_null=True)
     if isinstance(column, tuple):
         return _lists(*column)
     series = pl.Series(column)
-    return series.replace(-1, None) if name == "rank" else series
+    return series.set(series == -1, None) if name == "rank" else series
 
 
 def _lists(values: np.ndarray, lengths: np.ndarray) -> pl.Series:

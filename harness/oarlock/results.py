@@ -113,12 +113,10 @@ class RunResult:
 
     def table(self) -> pl.LazyFrame:
         """The steps with the key in front of every row."""
-        key = [
-            pl.lit(value, dtype=pl.String if value is None else None).alias(name)
-            for name, value in asdict(self.key).items()
-        ]
-        names = [name for name in SCHEMA if name not in asdict(self.key)]
-        return self.steps.lazy().select(pl.col("step"), *key, *(pl.col(name) for name in names if name != "step"))
+        key = asdict(self.key)
+        marks = [pl.lit(value, dtype=pl.String if value is None else None).alias(name) for name, value in key.items()]
+        names = [name for name in SCHEMA if name not in key and name != "step"]
+        return self.steps.lazy().select("step", *marks, *names)
 
 
 class Recorder:
