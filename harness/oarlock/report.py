@@ -54,6 +54,15 @@ class Figure:
     caption: str
     chart: alt.TopLevelMixin
 
+    @functools.cached_property
+    def spec(self) -> str:
+        """The chart as JSON, which takes long to make: drawing and page have the same one."""
+        return json.dumps(self.chart.to_dict(), sort_keys=True)
+
+    def svg(self) -> str:
+        """The chart as a drawing."""
+        return vl_convert.vegalite_to_svg(self.spec)
+
 
 class Tables:
     """The results of a folder, as the template and the figures ask for them."""
@@ -237,7 +246,7 @@ def page(
 
     parser.add_render_rule("image", figure)
     parser.add_render_rule("link_open", link)
-    specs = {figure.name: json.loads(figure.chart.to_json()) for figure in drawn}
+    specs = {figure.name: json.loads(figure.spec) for figure in drawn}
     return _ESCAPING.get_template("page.html.j2").render(
         title=title,
         body=parser.render(text),
@@ -335,8 +344,7 @@ def write_whole(target: Path, write: Callable[[Path], None]) -> Path:
 def _write(folder: Path, tables: Tables, text: str, drawn: list[Figure]) -> None:
     (folder / "figures").mkdir()
     for figure in drawn:
-        svg = vl_convert.vegalite_to_svg(figure.chart.to_json())
-        (folder / "figures" / f"{figure.name}.svg").write_text(svg, encoding="utf-8")
+        (folder / "figures" / f"{figure.name}.svg").write_text(figure.svg(), encoding="utf-8")
     (folder / "README.md").write_text(text, encoding="utf-8")
     (folder / "index.html").write_text(html(tables, text, drawn), encoding="utf-8")
     for name, content in (("timings.json", timings(tables)), ("provenance.json", tables.provenance)):
