@@ -3,6 +3,7 @@
 Exit status: 0 all gates held, 1 a gate failed or a comparison got worse, 2 bad input, 130 interrupted, 141 reader gone.
 """
 
+import gc
 import os
 import sys
 import warnings
@@ -382,6 +383,7 @@ app.command()(explain)
 
 def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
+    gc.freeze()  # what was imported stays: no collection of garbage need walk through it
     warnings.showwarning = lambda message, *_: say(f"oarlock: {one_line(message)}")
     try:
         app(standalone_mode=True)
