@@ -10,7 +10,8 @@ import numpy as np
 from mechanisms import setup_of
 from oarlock.cases import Case, load_case
 from oarlock.check.controls import written_out
-from oarlock.check.examination import Wish, begin, examine
+from oarlock.check.examination import begin, examine
+from oarlock.check.wish import Wish
 from oarlock.mechanism import INTEGRATORS, load_model
 from oarlock.start import ConsistentStart, consistent_start
 

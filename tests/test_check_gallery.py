@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from gallery import looked_at, piece
 from oarlock import model_names
-from oarlock.check.examination import Wish, begin, examine
+from oarlock.check.examination import begin, examine
 from oarlock.check.findings import Finding
 from oarlock.check.recipe import STIFF_SOLIMP, deadbeat
 from oarlock.check.recording import record
@@ -18,6 +18,7 @@ from oarlock.check.row_law import HOLDS
 from oarlock.check.trials import Setting, Start, run_trial
 from oarlock.check.verdicts import judge
 from oarlock.check.versions import without_curvature
+from oarlock.check.wish import Wish
 
 DURATION_S = {"andrews_squeezer": 0.03}
 """Of a run; 1 s unless it is here: mechanisms of centimetres are fast."""

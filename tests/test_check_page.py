@@ -15,11 +15,12 @@ from markdown_it import MarkdownIt
 from oarlock import InputError
 from oarlock.check import pictures
 from oarlock.check.blocks import number, plain
-from oarlock.check.examination import Wish, begin, examine
+from oarlock.check.examination import begin, examine
 from oarlock.check.findings import found as finding
 from oarlock.check.gaps import opening
 from oarlock.check.motion import SIDE, VISIBLE, Skeleton, motion
 from oarlock.check.page import html_fragment, markdown_text, write_page
+from oarlock.check.wish import Wish
 from oarlock.check.wrenches import Series, Wrench
 
 FIXTURES = Path(__file__).parent / "fixtures" / "check"

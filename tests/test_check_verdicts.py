@@ -10,10 +10,11 @@ import pytest
 from gallery import looked_at
 from oarlock import InputError
 from oarlock.check.blame import in_words, merged
-from oarlock.check.examination import Wish, begin
+from oarlock.check.examination import begin
 from oarlock.check.findings import Finding, found
 from oarlock.check.gaps import Opening
 from oarlock.check.verdicts import judge
+from oarlock.check.wish import Wish
 from oarlock.mechanism import INTEGRATORS
 
 FIXTURES = Path(__file__).parent / "fixtures"

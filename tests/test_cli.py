@@ -4,7 +4,9 @@ import json
 import re
 import signal
 import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 from mechanisms import COMMAND, boat_copy, four_bar, only, write_model
@@ -39,6 +41,14 @@ def test_list(oarlock_command, oarlock_here):
     boat = only(entries, name="boat")
     assert [boat[key] for key in ("nq", "nv", "rows", "rank", "redundancy", "dof")] == [5, 5, 6, 4, 2, 1]
     assert all(entry["name"] in plain.stdout and entry["title"] in plain.stdout for entry in entries)
+
+
+def test_a_command_loads_only_what_it_needs():
+    """Each of these takes a tenth of a second or more, and a command that does not use it would wait for it."""
+    heavy = ["altair", "vl_convert", "jinja2", "scipy.optimize", "scipy.interpolate", "oarlock.check.examination"]
+    code = f"import sys, oarlock.cli; print([name for name in {heavy} if name in sys.modules])"
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
+    assert finished.stdout == "[]\n"
 
 
 def test_list_fits_a_terminal(oarlock_here, monkeypatch):
@@ -97,6 +107,38 @@ def test_failed_gate(oarlock_command, oarlock_here, tmp_path):
     shorter = oarlock_here("run", folder, "--duration", "0.01")
     assert shorter.returncode == 0
     assert "1 gate(s) of the case not checked" in shorter.stderr
+
+
+def test_a_run_writes_the_report_that_the_other_command_writes(oarlock_here, tiny, tmp_path):
+    finished = oarlock_here("run", tiny, "--out", "results", "--report", "at/once", "--json", "-")
+    assert finished.returncode == 0
+    assert json.loads(finished.stdout)["runs"]
+    assert f"oarlock: written: {Path('at/once/README.md')}" in finished.stderr.splitlines()
+    assert oarlock_here("report", "results", "--to", "after").returncode == 0
+    once, after = (
+        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        for folder in (tmp_path / "at" / "once", tmp_path / "after")
+    )
+    assert len(once) >= 6
+    assert once == after
+
+
+def test_a_run_whose_gate_fails_has_a_report(oarlock_here, tmp_path):
+    folder = boat_copy(tmp_path / "boat", experiments=CALIBRATION_ONLY, gates=IMPOSSIBLE)
+    finished = oarlock_here("run", folder, "--report", "report")
+    assert finished.returncode == 1
+    assert "oarlock: gate failed: drift_pos_max" in finished.stderr
+    assert "1 of 6 gates do not hold" in (tmp_path / "report" / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("report", ["project", "notes.txt", "results", "results/boat", "."])
+def test_the_place_of_a_report_is_looked_at_before_the_run(oarlock_here, tmp_path, report):
+    (tmp_path / "project").mkdir()
+    for name in ("project/main.py", "notes.txt"):
+        (tmp_path / name).write_text("mine")
+    assert f"'{report}'" in complaint(oarlock_here("run", "boat", "--report", report))
+    assert not (tmp_path / "results").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "project"]
 
 
 def test_divergence_keeps_the_streams_clean(oarlock_command):

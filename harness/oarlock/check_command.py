@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from oarlock.check.examination import BUDGET_S, TARGET
+from oarlock.check.wish import BUDGET_S, TARGET
 from oarlock.console import GATE_FAILED, JsonOption, console, emit_json, ends, say, shown
 from oarlock.errors import InputError
 

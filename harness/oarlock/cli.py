@@ -3,6 +3,7 @@
 Exit status: 0 all gates held, 1 a gate failed or a comparison got worse, 2 bad input, 130 interrupted, 141 reader gone.
 """
 
+import gc
 import os
 import sys
 import warnings
@@ -22,6 +23,7 @@ from oarlock.console import BAD_INPUT, GATE_FAILED, JsonOption, cell, console, e
 from oarlock.diff_command import diff
 from oarlock.errors import InputError, one_line
 from oarlock.explain_command import explain
+from oarlock.report_folder import CONTENTS, require_report
 from oarlock.run import Progress, Results
 from oarlock.run import run as run_model
 
@@ -136,12 +138,17 @@ def run(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the tables [default: results/MODEL].")
     ] = None,
+    to: Annotated[
+        Path | None, typer.Option("--report", metavar="DIR", help="Write the report too, as 'oarlock report' does.")
+    ] = None,
     as_json: JsonOption = None,
 ) -> None:
     """Runs a model's comparison. With none of the options before --timestep it runs the experiments of its case."""
     from oarlock.cases import load_case
 
     folder = out or Path("results") / load_case(model).slug
+    if to:
+        _require_place(to, folder)
     with _bar() as progress:
         results = run_model(
             model,
@@ -176,8 +183,19 @@ def run(
             f"oarlock: {unchecked} gate(s) of the case not checked: "
             "no run at the case's own parameters, timestep and duration"
         )
+    if to:
+        from oarlock.report import write_report
+
+        say(f"oarlock: written: {write_report(folder, to) / 'README.md'}")
     if results.failures:
         raise typer.Exit(GATE_FAILED)
+
+
+def _require_place(report: Path, results: Path) -> None:
+    """Before a run, for what is wrong with the place of its report would be said only after it."""
+    if results.resolve().is_relative_to(report.resolve()):
+        raise InputError(f"'{report}' is where the results go, expected another folder for the report")
+    require_report(report, CONTENTS)
 
 
 @app.command()
@@ -365,6 +383,7 @@ app.command()(explain)
 
 def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
+    gc.freeze()  # what was imported stays: no collection of garbage need walk through it
     warnings.showwarning = lambda message, *_: say(f"oarlock: {one_line(message)}")
     try:
         app(standalone_mode=True)

@@ -17,9 +17,8 @@ def steps_table(columns: dict[str, Any], height: int) -> pl.DataFrame:
     −1 in an array of ranks. Lists of numbers come as (all numbers, numbers of each row).
     """
     series = {name: _series(name, column) for name, column in columns.items()}
-    missing = {name: pl.Series([None] * height, dtype=kind) for name, kind in SCHEMA.items() if name not in series}
-    whole = {**series, **missing}
-    return pl.DataFrame({name: whole[name].cast(kind) for name, kind in SCHEMA.items()})
+    unknown = pl.Series([None]).new_from_index(0, height)
+    return pl.DataFrame({name: series.get(name, unknown).cast(kind) for name, kind in SCHEMA.items()})
 
 
 def _series(name: str, column: Any) -> pl.Series:
@@ -28,7 +27,7 @@ def _series(name: str, column: Any) -> pl.Series:
     if isinstance(column, tuple):
         return _lists(*column)
     series = pl.Series(column, dtype=SCHEMA[name], strict=False)
-    return series.replace(-1, None) if name == "rank" and isinstance(column, np.ndarray) else series
+    return series.set(series == -1, None) if name == "rank" and isinstance(column, np.ndarray) else series
 
 
 def _lists(values: np.ndarray, lengths: np.ndarray) -> pl.Series:

@@ -32,6 +32,7 @@ PRESENTATION = (
     "junit.py",
     "pages.py",
     "report.py",
+    "report_folder.py",
     "scaffold.py",
     "suite.py",
     "suite_command.py",

@@ -104,6 +104,7 @@ class Laboratory:
         self._spools: Spools = partial(spools, schema=SCHEMA, folder=folder)
         self._truth = load_truth(case) if seed is None else None  # it knows the case's own start only
         self._stepping: Stepping = stepping
+        self._setups: dict[tuple[Integrator, str], Setup] = {}
 
     def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
         """The case, prepared."""
@@ -155,7 +156,7 @@ class Laboratory:
         self._listener(steps)
 
     def _walks(self, task: Task) -> Iterator[Walk]:
-        setup = self.setup(task.integrator, task.settings)
+        setup = self._shared(task.integrator, task.settings)
         path = self._path(task, setup)
 
         def walk(names: list[tuple[str, Form | None]], go: Callable[[], tuple[list[Spool], str]]) -> list[RunResult]:
@@ -179,6 +180,12 @@ class Laboratory:
                     yield partial(
                         walk, [(str(spec), form)], partial(path.free, spec, form, self._projector(task, form))
                     )
+
+    def _shared(self, integrator: Integrator, settings: str) -> Setup:
+        """A setup for all walks that ask for the same: they leave it as it is."""
+        if (integrator, settings) not in self._setups:
+            self._setups[integrator, settings] = self.setup(integrator, settings)
+        return self._setups[integrator, settings]
 
     def _on_python(self) -> bool:
         """Whether steps are taken on the Python path; says why where that was not asked for."""

@@ -5,7 +5,6 @@ from typing import Any
 
 import altair as alt
 import polars as pl
-import vl_convert
 
 from oarlock.figures import WIDTH, log_axis
 from oarlock.growth import MANY, PARTS, SOLVERS, STEP
@@ -168,7 +167,7 @@ def write_growth_report(growth: dict[str, Any], occasion: dict[str, Any], target
         in_words=in_words,
     )
     for figure in drawn:
-        write_text(target / "figures" / f"{figure.name}.svg", vl_convert.vegalite_to_svg(figure.chart.to_json()))
+        write_text(target / "figures" / f"{figure.name}.svg", figure.svg())
     write_text(target / "README.md", text)
     write_text(target / "index.html", page(TITLE, text, drawn, occasion))
     return target

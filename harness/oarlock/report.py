@@ -11,9 +11,8 @@ import hashlib
 import json
 import os
 import re
-import shutil
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,10 +27,8 @@ from oarlock import figures
 from oarlock.aggregate import TIMING_FIGURES
 from oarlock.errors import InputError
 from oarlock.provenance import OCCASION
+from oarlock.report_folder import CONTENTS, require_report, write_whole
 from oarlock.results import ResultFolder, reading
-
-CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
-"""What a report consists of. A folder that holds anything else is not replaced."""
 
 _NO_CURVATURE = ("joint", "tendon")
 
@@ -53,6 +50,15 @@ class Figure:
     name: str
     caption: str
     chart: alt.TopLevelMixin
+
+    @functools.cached_property
+    def spec(self) -> str:
+        """The chart as JSON, which takes long to make: drawing and page have the same one."""
+        return json.dumps(self.chart.to_dict(), sort_keys=True)
+
+    def svg(self) -> str:
+        """The chart as a drawing."""
+        return vl_convert.vegalite_to_svg(self.spec)
 
 
 class Tables:
@@ -237,7 +243,7 @@ def page(
 
     parser.add_render_rule("image", figure)
     parser.add_render_rule("link_open", link)
-    specs = {figure.name: json.loads(figure.chart.to_json()) for figure in drawn}
+    specs = {figure.name: json.loads(figure.spec) for figure in drawn}
     return _ESCAPING.get_template("page.html.j2").render(
         title=title,
         body=parser.render(text),
@@ -303,50 +309,11 @@ def write_report(results: Path, target: Path) -> Path:
     return write_whole(target, lambda folder: _write(folder, tables, text, drawn))
 
 
-def require_report(target: Path, contents: Sequence[str]) -> None:
-    """Raises InputError where a folder holds anything but an old report of these contents, or is a file."""
-    if target.exists() and not target.is_dir():
-        raise InputError(f"'{target}' is a file, expected a new folder or an old report")
-    foreign = sorted(path.name for path in target.iterdir() if path.name not in contents) if target.exists() else []
-    if foreign:
-        raise InputError(f"'{target}' holds '{foreign[0]}', expected a new folder or an old report and nothing else")
-
-
-def write_whole(target: Path, write: Callable[[Path], None]) -> Path:
-    """Has a folder written under a temporary name, which then takes the place of the old one.
-
-    Raises:
-        InputError: it cannot be written.
-    """
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
-        try:
-            write(temporary)
-            temporary.chmod(0o755)
-            _replace(target, temporary)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
-    except OSError as error:
-        raise InputError(f"cannot write the report to '{target}': {error.strerror or error}") from None
-    return target
-
-
 def _write(folder: Path, tables: Tables, text: str, drawn: list[Figure]) -> None:
     (folder / "figures").mkdir()
     for figure in drawn:
-        svg = vl_convert.vegalite_to_svg(figure.chart.to_json())
-        (folder / "figures" / f"{figure.name}.svg").write_text(svg, encoding="utf-8")
+        (folder / "figures" / f"{figure.name}.svg").write_text(figure.svg(), encoding="utf-8")
     (folder / "README.md").write_text(text, encoding="utf-8")
     (folder / "index.html").write_text(html(tables, text, drawn), encoding="utf-8")
     for name, content in (("timings.json", timings(tables)), ("provenance.json", tables.provenance)):
         (folder / name).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-def _replace(target: Path, new: Path) -> None:
-    old = target.with_name(f".{target.name}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    if target.exists():
-        os.replace(target, old)
-    os.replace(new, target)
-    shutil.rmtree(old, ignore_errors=True)

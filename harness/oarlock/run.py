@@ -319,7 +319,7 @@ class _Keeper:
             return
         with uninterrupted():
             folder.write_steps(result)
-            folder.write_json("summary.json", results.document())
+            folder.write_json("summary.json", results.document(), indent=None)  # written again after every run
         if not self._sketched and len(result.steps):
             path = traced(result.steps)
             folder.write_json("sketch.json", sketch(self._setup.model, self._setup.start.qpos, path))

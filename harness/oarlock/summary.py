@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import vl_convert
-
 from oarlock import summary_figures as figures
 from oarlock.aggregate import TIMING_FIGURES
 from oarlock.errors import InputError
@@ -254,7 +252,7 @@ def write_summary(folders: Sequence[Path], target: Path) -> Path:
     tracked, timed = draw(summary)
     text = render("summary.md.j2", summary=summary, figures=tracked, solvers=figures.SOLVERS)
     for figure in tracked:
-        write_text(target / "figures" / f"{figure.name}.svg", vl_convert.vegalite_to_svg(figure.chart.to_json()))
+        write_text(target / "figures" / f"{figure.name}.svg", figure.svg())
     write_text(target / "README.md", text)
     write_text(target / "summary.json", _lines(summary.document()))
     more = "".join(f"\n![{figure.name}](figures/{figure.name}.svg)\n\n*{figure.caption}*\n" for figure in timed)

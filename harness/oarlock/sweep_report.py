@@ -6,7 +6,6 @@ from typing import Any
 
 import altair as alt
 import polars as pl
-import vl_convert
 
 from oarlock.errors import InputError
 from oarlock.figures import WIDTH, colour, log_axis, log_scale
@@ -126,7 +125,7 @@ def write_sweep_report(results: Path, target: Path) -> Path:
         table=TABLE,
     )
     for figure in tracked:
-        write_text(target / "figures" / f"{figure.name}.svg", vl_convert.vegalite_to_svg(figure.chart.to_json()))
+        write_text(target / "figures" / f"{figure.name}.svg", figure.svg())
     write_text(target / "README.md", text)
     more = "".join(f"\n![{figure.name}](figures/{figure.name}.svg)\n\n*{figure.caption}*\n" for figure in timed)
     html = page(document["title"], text + more, [*tracked, *timed], document["provenance"])

@@ -4,10 +4,10 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from oarlock.cases import Case
 from oarlock.errors import InputError, one_line
+from oarlock.hermite import QuinticHermite
 
 JOINT_COLUMNS = ["time", "position", "velocity", "acceleration"]
 SITE_COLUMNS = ["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
@@ -36,14 +36,13 @@ class TruthTrajectory:
         if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
             raise InputError(f"{path}: expected at least two rows of finite numbers with rising times")
         self.begin, self.end = float(table[0, 0]), float(table[-1, 0])
-        # (rows, derivative, component)
-        self._spline = BPoly.from_derivatives(table[:, 0], table[:, 1:].reshape(len(table), 3, -1))
+        self._curve = QuinticHermite(table[:, 0], table[:, 1:].reshape(len(table), 3, -1))
 
     def position(self, time: np.ndarray) -> np.ndarray:
         """Coordinate, (n, 1) in rad or m, or place, (n, 3) in m, at n times (s); NaN outside the table."""
         # Step times are sums of rounded steps: the last one may pass the end of the table by rounding.
         inside = (time >= self.begin) & (time <= self.end * (1 + 1e-12))
-        return np.where(inside[:, None], self._spline(np.clip(time, self.begin, self.end)), np.nan)
+        return np.where(inside[:, None], self._curve(np.clip(time, self.begin, self.end)), np.nan)
 
 
 def load_truth(case: Case) -> TruthTrajectory | None:

@@ -1,23 +1,20 @@
-"""What ``oarlock.check`` gives: an examination with its findings, and their tables."""
+"""What ``oarlock.check`` gives: an examination with its findings, and their tables.
+
+It comes with every ``import oarlock``; what examines a model is imported where one is examined.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 from threadpoolctl import threadpool_limits
 
-from oarlock.check.document import (
-    accelerations_table,
-    causes_table,
-    document,
-    drift_table,
-    findings_table,
-    trials_table,
-)
-from oarlock.check.examination import BUDGET_S, TARGET, Examination, Wish, begin, examine
-from oarlock.check.findings import Finding
-from oarlock.check.verdicts import judge
+from oarlock.check.wish import BUDGET_S, TARGET, Wish
+
+if TYPE_CHECKING:
+    from oarlock.check.examination import Examination
+    from oarlock.check.findings import Finding
 
 
 class Checked:
@@ -28,32 +25,42 @@ class Checked:
         found: the findings, the worst first.
     """
 
-    def __init__(self, examination: Examination, found: list[Finding]):
+    def __init__(self, examination: "Examination", found: "list[Finding]"):
         self.examination, self.found = examination, found
 
     @property
     def findings(self) -> pl.DataFrame:
         """A row a finding, the worst first."""
+        from oarlock.check.document import findings_table
+
         return findings_table(self.found)
 
     @property
     def drift(self) -> pl.DataFrame:
         """A row an equality and level: largest deviations, m and rad and their rates, MuJoCo's and the exact ones."""
+        from oarlock.check.document import drift_table
+
         return drift_table(self.examination)
 
     @property
     def causes(self) -> pl.DataFrame:
         """A row an equality and cause: its part of the drift."""
+        from oarlock.check.document import causes_table
+
         return causes_table(self.examination)
 
     @property
     def accelerations(self) -> pl.DataFrame:
         """A row a cause: how MuJoCo's acceleration differs by it from the exact one at the same states."""
+        from oarlock.check.document import accelerations_table
+
         return accelerations_table(self.examination)
 
     @property
     def trials(self) -> pl.DataFrame:
         """A row a run that was made to find what holds."""
+        from oarlock.check.document import trials_table
+
         return trials_table(self.examination)
 
     @property
@@ -63,10 +70,12 @@ class Checked:
 
     def document(self) -> dict[str, Any]:
         """As ``oarlock check --json``."""
+        from oarlock.check.document import document
+
         return document(self.examination, self.found)
 
     def _repr_html_(self) -> str:
-        from oarlock.check.page import html_fragment  # with all that draws, which a command line does not need
+        from oarlock.check.page import html_fragment
 
         return html_fragment(self.examination, self.found)
 
@@ -88,7 +97,7 @@ def check(
     budget_s: float = BUDGET_S,
     ignore_inequalities: bool = False,
     fail_above: float | None = None,
-    progress: Callable[[str, Examination], None] | None = None,
+    progress: "Callable[[str, Examination], None] | None" = None,
 ) -> Checked:
     """Finds out why the loops of a model come apart, and what would hold them.
 
@@ -110,6 +119,9 @@ def check(
     Raises:
         InputError: no such file, malformed, no equality, or an argument that does not fit the model.
     """
+    from oarlock.check.examination import begin, examine
+    from oarlock.check.verdicts import judge
+
     wish = Wish(
         keyframe=keyframe,
         controls=controls,

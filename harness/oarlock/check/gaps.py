@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import scipy.optimize
 
 from oarlock.check.assembly import CONSISTENT, Assembly
 from oarlock.check.loops import Loops, loops_at
@@ -158,6 +157,8 @@ def try_around(assembly: Assembly, given: np.ndarray, tries: tuple[tuple[float, 
 
 def settle(assembly: Assembly) -> None:
     """Goes on to where the sum of the rows' squares is least: Newton's steps end short of it, for they go for zero."""
+    import scipy.optimize  # a seventh of a second, for what hardly any model needs
+
     model = assembly.model
     for _ in range(SETTLES):
         pose = assembly.data.qpos.copy()

@@ -12,7 +12,8 @@ from oarlock.check.blocks import Chapter, Picture, Stage, Table, plain
 from oarlock.check.examination import Examination
 from oarlock.check.findings import SEVERITIES, Finding, catalogue, worst_first
 from oarlock.check.motion import Motion, motion, still
-from oarlock.report import render, require_report, script_json, script_library, write_whole
+from oarlock.report import render, script_json, script_library
+from oarlock.report_folder import require_report, write_whole
 
 CONTENTS = ("README.md", "figures", "index.html")
 """What a report consists of. A folder that holds anything else is not replaced."""
