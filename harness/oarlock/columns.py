@@ -14,7 +14,8 @@ def steps_table(columns: dict[str, Any], height: int) -> pl.DataFrame:
     """The table of so many steps; a column that is missing is null throughout.
 
     A column is a list or an array with an entry a row. NaN stands for nothing in one that comes as ("nullable", array),
-    −1 in an array of ranks. Lists of numbers come as (all numbers, numbers of each row).
+    −1 in an array of ranks. Words can come as (the different ones, a place among them a row), lists of numbers come as
+    (all numbers, numbers of each row).
     """
     series = {name: _series(name, column) for name, column in columns.items()}
     unknown = pl.Series([None]).new_from_index(0, height)
@@ -24,6 +25,9 @@ def steps_table(columns: dict[str, Any], height: int) -> pl.DataFrame:
 def _series(name: str, column: Any) -> pl.Series:
     if isinstance(column, tuple) and isinstance(column[0], str):
         return pl.Series(column[1], nan_to_null=True)
+    if isinstance(column, tuple) and isinstance(column[0], list):
+        words, places = column
+        return pl.Series(words).gather(places)
     if isinstance(column, tuple):
         return _lists(*column)
     series = pl.Series(column, dtype=SCHEMA[name], strict=False)

@@ -196,6 +196,9 @@ pub fn advance_all(runs: &mut [&mut Run], steps: usize) -> Vec<usize> {
     runs.par_iter_mut().map(|run| run.advance(steps)).collect()
 }
 
+/// Rows that room is made for at most.
+const ROOM: usize = 10_000;
+
 /// A run on its way.
 pub struct Run {
     experiment: Box<dyn Experiment>,
@@ -230,6 +233,11 @@ impl Run {
             }
             self.rows += 1;
             self.done += 1;
+            if self.rows == 1 {
+                for table in self.experiment.tables() {
+                    table.reserve((until - self.done).min(ROOM));
+                }
+            }
             if !is_finite(self.experiment.data()) {
                 self.end = Some(End { step, time, error: None });
             }

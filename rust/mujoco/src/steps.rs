@@ -12,8 +12,13 @@ pub enum Column {
     },
     /// Whole numbers; −1 stands for nothing.
     Int(Vec<i64>),
-    /// Words.
-    Text(Vec<&'static str>),
+    /// Words: the different ones, and which of them each row has.
+    Text {
+        /// The different ones.
+        words: Vec<&'static str>,
+        /// A place among them a row.
+        codes: Vec<u8>,
+    },
     /// A list a row: all numbers one after another, and how many each row has.
     List {
         /// All numbers.
@@ -37,11 +42,46 @@ impl Lists {
         self.lengths.push(row.len());
     }
 
+    fn reserve(&mut self, rows: usize) {
+        self.lengths.reserve(rows);
+        self.values.reserve(rows * self.lengths.last().copied().unwrap_or(0));
+    }
+
     fn truncate(&mut self, rows: usize) {
         while self.lengths.len() > rows {
             let entries = self.lengths.pop().unwrap_or(0);
             self.values.truncate(self.values.len() - entries);
         }
+    }
+}
+
+/// Words of a few, one a row.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Words {
+    words: Vec<&'static str>,
+    codes: Vec<u8>,
+}
+
+impl Words {
+    /// Adds a row.
+    ///
+    /// # Panics
+    /// If there are more than 256 different words.
+    pub fn push(&mut self, word: &'static str) {
+        let known = self.words.iter().position(|&other| other == word);
+        let place = known.unwrap_or_else(|| {
+            self.words.push(word);
+            self.words.len() - 1
+        });
+        self.codes.push(u8::try_from(place).expect("columns of words have a few different ones"));
+    }
+
+    fn truncate(&mut self, rows: usize) {
+        self.codes.truncate(rows);
+    }
+
+    fn reserve(&mut self, rows: usize) {
+        self.codes.reserve(rows);
     }
 }
 
@@ -59,6 +99,11 @@ macro_rules! steps {
                 let mut columns = Vec::new();
                 $($column(stringify!($name), std::mem::take(&mut self.$name), &mut columns);)*
                 columns
+            }
+
+            /// Makes room for so many more rows, of as many numbers as the last one had.
+            pub fn reserve(&mut self, rows: usize) {
+                $(self.$name.reserve(rows);)*
             }
 
             /// Forgets the rows after so many: a step that failed half-way leaves none.
@@ -89,9 +134,9 @@ fn int(name: &'static str, values: Vec<i64>, columns: &mut Columns) {
     }
 }
 
-fn text(name: &'static str, values: Vec<&'static str>, columns: &mut Columns) {
-    if !values.is_empty() {
-        columns.push((name, Column::Text(values)));
+fn text(name: &'static str, words: Words, columns: &mut Columns) {
+    if !words.codes.is_empty() {
+        columns.push((name, Column::Text { words: words.words, codes: words.codes }));
     }
 }
 
@@ -107,7 +152,7 @@ steps! {
     /// s, at its start.
     time_s: Vec<f64> => float;
     /// How its solves ended.
-    status: Vec<&'static str> => text;
+    status: Words => text;
     /// Number of solves.
     solves: Vec<i64> => int;
     /// Those that did not converge.
@@ -143,7 +188,7 @@ steps! {
     /// Largest acceleration of a row.
     drift_acc: Vec<f64> => float;
     /// How the projection ended.
-    projection: Vec<&'static str> => text;
+    projection: Words => text;
     /// Its corrections of the positions.
     projection_rounds: Vec<i64> => int;
     /// Its solves.

@@ -274,7 +274,8 @@ impl Run {
         state_of(py, self.inner.data())
     }
 
-    /// The rows since the last call: for each who answers {column: array}; words as lists, lists as (all numbers, lengths).
+    /// The rows since the last call: for each who answers {column: array}; words as (the different ones, a place
+    /// among them a row), lists as (all numbers, lengths).
     /// NaN stands for nothing in a column that comes as ("nullable", array), −1 in whole numbers.
     fn tables<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let tables = PyList::empty(py);
@@ -289,7 +290,9 @@ impl Run {
                         table.set_item(name, ("nullable", values.into_pyarray(py)))?;
                     }
                     Column::Int(values) => table.set_item(name, values.into_pyarray(py))?,
-                    Column::Text(values) => table.set_item(name, values)?,
+                    Column::Text { words, codes } => {
+                        table.set_item(name, (words, codes.into_pyarray(py)))?;
+                    }
                     Column::List { values, lengths } => {
                         table.set_item(name, (values.into_pyarray(py), lengths.into_pyarray(py)))?;
                     }

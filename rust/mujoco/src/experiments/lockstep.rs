@@ -65,7 +65,7 @@ pub fn lockstep(
         form,
         system: ConstrainedSystem::new(),
         reference,
-        truth: Answer::new(nv),
+        truth: Answer { timed: false, ..Answer::new(nv) },
         answer: Answer::new(nv),
         solvers: solvers.into_iter().map(|solver| (solver, Steps::default())).collect(),
     };
