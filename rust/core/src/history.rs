@@ -1,5 +1,8 @@
 //! What a quantity was in earlier steps, and where it goes from there: polynomial extrapolation.
 //!
+//! Newton's form, P(t) = Σ Dₖ ∏ (t − tᵢ) over i < k: what order k misses a new value by, over the node polynomial there, is the new
+//! divided difference Dₖ₊₁. One pass judges all orders and renews all differences, without a sum over pairs of nodes.
+//!
 //! The order is chosen by how each would have done lately. Time is counted in steps, some of which may bring no new value;
 //! where steps are not equal, as at the stages of a Runge–Kutta method, the lowest order wins by itself.
 
@@ -10,10 +13,11 @@ use crate::solver::State;
 /// Values kept at most.
 pub const LONGEST: usize = 4;
 
-/// The last values of a vector (or of a matrix, flat), newest first.
+/// The last values of a vector (or of a matrix, flat), as divided differences.
 #[derive(Debug, Clone, Default)]
 pub struct History {
-    past: [Vec<f64>; LONGEST],
+    /// Dₖ = f[t₀, …, tₖ], t₀ the newest: each hangs on the last k + 1 values only.
+    differences: [Vec<f64>; LONGEST],
     kept: usize,
     /// Values that are kept at most.
     most: usize,
@@ -32,9 +36,9 @@ impl History {
     #[must_use]
     pub fn new(most: usize, len: usize) -> Self {
         let vector = || Vec::with_capacity(len);
-        let past = std::array::from_fn(|order| if order < most { vector() } else { Vec::new() });
+        let differences = std::array::from_fn(|order| if order < most { vector() } else { Vec::new() });
         let most = most.min(LONGEST);
-        Self { past, most, work: vector(), ..Self::default() }
+        Self { differences, most, work: vector(), ..Self::default() }
     }
 
     /// Forgets everything; values have `len` numbers from now on.
@@ -44,7 +48,7 @@ impl History {
         self.misses = [0.0; LONGEST];
         self.nodes = [0.0; LONGEST];
         self.work.resize(len, 0.0);
-        self.past[..self.most].iter_mut().for_each(|past| past.resize(len, 0.0));
+        self.differences[..self.most].iter_mut().for_each(|difference| difference.resize(len, 0.0));
     }
 
     /// Whether there is nothing to extrapolate from.
@@ -72,8 +76,14 @@ impl History {
 
     /// The value to be expected now; nothing without a past.
     pub fn predict(&self, out: &mut [f64]) {
-        if self.kept > 0 {
-            self.extrapolate(self.order(), out);
+        if self.kept == 0 {
+            return;
+        }
+        out.copy_from_slice(&self.differences[0]);
+        let mut nodes = 1.0;
+        for order in 1..=self.order() {
+            nodes *= self.ahead + self.ages[order - 1];
+            axpy(nodes, &self.differences[order], out);
         }
     }
 
@@ -92,32 +102,29 @@ impl History {
         if self.most == 0 {
             return;
         }
-        let mut work = std::mem::take(&mut self.work);
+        // The difference that falls out makes room for the new value; the others move up by one before they are renewed.
+        self.differences[..self.most].rotate_right(1);
+        self.work.copy_from_slice(value);
+        let mut nodes = 1.0;
         for order in 0..self.kept {
-            self.extrapolate(order, &mut work);
-            axpy(-1.0, value, &mut work);
-            self.misses[order] = norm(&work).max(0.5 * self.misses[order]).min(f64::MAX);
-            self.nodes[order] = self.node_polynomial(order);
+            let next = (order + 1) % self.most;
+            axpy(-nodes, &self.differences[next], &mut self.work);
+            nodes *= self.ahead + self.ages[order];
+            self.misses[order] = norm(&self.work).max(0.5 * self.misses[order]).min(f64::MAX);
+            self.nodes[order] = nodes;
+            if next > 0 {
+                let part = nodes.recip();
+                for (difference, miss) in self.differences[next].iter_mut().zip(&self.work) {
+                    *difference = part * miss;
+                }
+            }
         }
-        self.work = work;
-        self.past[..self.most].rotate_right(1);
-        self.past[0].copy_from_slice(value);
+        self.differences[0].copy_from_slice(value);
         self.ages.rotate_right(1);
         self.ages.iter_mut().for_each(|age| *age += self.ahead);
         self.ages[0] = 0.0;
         self.ahead = 0.0;
         self.kept = (self.kept + 1).min(self.most);
-    }
-
-    /// Lagrange's polynomial through the last order + 1 values, now.
-    fn extrapolate(&self, order: usize, out: &mut [f64]) {
-        out.fill(0.0);
-        for (j, past) in self.past[..=order].iter().enumerate() {
-            let others = (0..=order).filter(|&i| i != j);
-            let coefficient: f64 =
-                others.map(|i| (self.ahead + self.ages[i]) / (self.ages[i] - self.ages[j])).product();
-            axpy(coefficient, past, out);
-        }
     }
 
     /// Adds itself to a saved state, as two fields.
@@ -127,8 +134,7 @@ impl History {
         for part in [&self.ages, &self.misses, &self.nodes] {
             track.extend_from_slice(part);
         }
-        let past = self.past[..self.kept].concat();
-        state.with(name, &past).with(&format!("{name}_track"), &track)
+        state.with(name, &self.differences[..self.kept].concat()).with(&format!("{name}_track"), &track)
     }
 
     /// Takes values of `len` numbers from a saved state, at least `least` of them.
@@ -156,8 +162,8 @@ impl History {
             part.copy_from_slice(saved);
         }
         if len > 0 {
-            for (past, saved) in self.past.iter_mut().zip(state.field(name).chunks_exact(len)) {
-                past.copy_from_slice(saved);
+            for (difference, saved) in self.differences.iter_mut().zip(state.field(name).chunks_exact(len)) {
+                difference.copy_from_slice(saved);
             }
         }
         Ok(())

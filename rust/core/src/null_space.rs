@@ -134,7 +134,7 @@ impl NullSpace {
     /// Adds itself to a saved state.
     #[must_use]
     pub fn save(&self, state: State) -> State {
-        self.past.save(state.with("null", &self.basis).with("null_dim", &[self.d as f64]), "null_past")
+        self.past.save(state.with("null", &self.basis).with("null_dim", &[self.d as f64]), "null_differences")
     }
 
     /// Takes itself from a saved state of its size.
@@ -147,7 +147,7 @@ impl NullSpace {
         let size = State::count(state.field("null_dim")[0], 0..=self.n, solver)? * self.n;
         state.check(solver, &[("null", size)])?;
         self.restart(state.field("null").chunks_exact(self.n.max(1)));
-        self.past.load(state, "null_past", (size, 1), solver)
+        self.past.load(state, "null_differences", (size, 1), solver)
     }
 
     /// v ← v − N (Nᵀ v); gives ‖Nᵀ v‖².

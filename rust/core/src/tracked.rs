@@ -80,8 +80,16 @@ const LEARNT: f64 = 1e-5;
 const POOR_START: f64 = 0.5;
 
 /// Fields of a saved state.
-const FIELDS: [&str; 8] =
-    ["inverse", "least", "past", "past_track", "null", "null_dim", "null_past", "null_past_track"];
+const FIELDS: [&str; 8] = [
+    "inverse",
+    "least",
+    "differences",
+    "differences_track",
+    "null",
+    "null_dim",
+    "null_differences",
+    "null_differences_track",
+];
 
 /// Parameters of [`Tracked`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -542,7 +550,7 @@ impl MultiplierSolver for Tracked {
         if self.carried.is_stale() {
             return state;
         }
-        self.null.save(self.past.save(state, "past"))
+        self.null.save(self.past.save(state, "differences"))
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
@@ -553,7 +561,7 @@ impl MultiplierSolver for Tracked {
         if n > 0 {
             restored.carried.restore(state);
             restored.null.load(state)?;
-            restored.past.load(state, "past", (n, 0), TrackedParams::SOLVER)?;
+            restored.past.load(state, "differences", (n, 0), TrackedParams::SOLVER)?;
             restored.make_room();
         }
         *self = restored;

@@ -177,7 +177,7 @@ fn a_state_that_is_not_this_solvers_or_not_whole_is_refused_with_what_is_wrong()
 fn a_state_without_a_past_in_its_null_space_is_refused() {
     let kind = SOLVERS.iter().find(|kind| kind.name == "sr1-tracked").expect("registered");
     let mut state = state_of(kind);
-    state.fields.get_mut("null_past_track").expect("saved")[0] = 0.0;
+    state.fields.get_mut("null_differences_track").expect("saved")[0] = 0.0;
     let error = make(kind).restore(&state).unwrap_err().to_string();
     let reason = "a count is 0, expected a whole number from 1 to 3";
     assert_eq!(error, format!("solver 'sr1-tracked' cannot take the state: {reason}"));
