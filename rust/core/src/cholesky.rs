@@ -21,6 +21,8 @@
 //! from 24 on on faer's blocked kernels. faer's own rank cut is at rounding; with complete pivoting the pivots fall, so that
 //! ours is a shorter prefix of the same factor.
 
+use std::mem;
+
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::{llt, llt_pivoting};
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
@@ -30,7 +32,7 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 use crate::eigen::RANK_CUT;
 use crate::error::{Error, check_len};
 use crate::info::Info;
-use crate::kernels::{BLOCKED, axpy, by_size, dot, norm, vectorised};
+use crate::kernels::{BLOCKED, axpy, by_size, dot, gemv, norm, vectorised};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem, Wanted};
 use crate::skyline;
@@ -44,6 +46,12 @@ pub const KIND: SolverKind = SolverKind {
     build: |options| Ok(Box::new(Cholesky::new(CholeskyParams::from_options(options)?))),
     options: CholeskyParams::defaults,
 };
+
+/// A null space found to this many rounding errors of a factor, n ε λ₁ each, is left as it is.
+const ROUNDING: f64 = 16.0;
+
+/// How far the factor's null space may be off, by what is left over against the smallest pivot, to be refined: a step squares it.
+const REFINABLE: f64 = 0.1;
 
 /// A negative pivot counts as A not being positive semidefinite when it is larger than this part of the first one.
 /// Rounding leaves n·ε; an indefinite matrix has pivots of order one.
@@ -88,6 +96,9 @@ pub struct Cholesky {
     /// The part of b outside range(A).
     outside: Vec<f64>,
     image: Vec<f64>,
+    found: Found,
+    /// Whether the last small solve was refined, and the next one is likely to be.
+    refining: bool,
     /// For faer: inverse of the pivots, scratch.
     unpivots: Vec<usize>,
     scratch: MemBuffer,
@@ -112,10 +123,30 @@ pub(crate) struct Found {
     pub rank: usize,
     /// The first pivot.
     pub first: f64,
+    /// The smallest one that was kept; infinite if none was.
+    pub last: f64,
     /// Largest diagonal entry that was dropped.
     pub dropped: f64,
     /// The smallest one, which a positive semidefinite A keeps ≥ 0.
     pub lowest: f64,
+}
+
+impl Found {
+    /// Before anything is dropped.
+    pub(crate) const fn full(rank: usize, first: f64) -> Self {
+        Self { rank, first, last: f64::INFINITY, dropped: 0.0, lowest: 0.0 }
+    }
+
+    /// A bound of λᵣ₊₁ of the n×n matrix: the trace of what is left over.
+    pub(crate) fn left(&self, n: usize) -> f64 {
+        (n - self.rank) as f64 * self.dropped
+    }
+
+    /// Whether that is more than rounding, and little enough for the null space of the factor to be a start.
+    pub(crate) fn leaves_something(&self, n: usize) -> bool {
+        let rounding = ROUNDING * n as f64 * f64::EPSILON * self.first;
+        self.rank > 0 && self.dropped > rounding && self.left(n) < REFINABLE * self.last
+    }
 }
 
 impl Cholesky {
@@ -134,6 +165,8 @@ impl Cholesky {
             part: Vec::new(),
             outside: Vec::new(),
             image: Vec::new(),
+            found: Found::full(0, 0.0),
+            refining: false,
             unpivots: Vec::new(),
             scratch: MemBuffer::new(StackReq::EMPTY),
             arch: pulp::Arch::new(),
@@ -158,6 +191,8 @@ impl Cholesky {
                 part: vector(),
                 outside: vector(),
                 image: vector(),
+                found: Found::full(0, 0.0),
+                refining: false,
                 unpivots: vec![0; n],
                 scratch: MemBuffer::new(pivoted.or(plain)),
                 arch: self.arch,
@@ -204,7 +239,7 @@ impl Cholesky {
             skyline::solve_regular(first, cut, matrix, &mut self.factor, &mut self.factor_inverse, x)?;
         self.outside.fill(0.0);
         self.forget();
-        Some(Found { rank: rhs.len(), first: largest, dropped: 0.0, lowest: 0.0 })
+        Some(Found::full(rhs.len(), largest))
     }
 
     /// Factor, projections and solves for sizes that have no code of their own.
@@ -220,27 +255,83 @@ impl Cholesky {
         for (col, inverse) in self.factor_inverse.iter_mut().enumerate().take(rank) {
             *inverse = self.factor[col * n + col].recip();
         }
-        for (entry, &pivot) in self.permuted.iter_mut().zip(&self.pivots) {
-            *entry = rhs[pivot];
-        }
-        self.outside.fill(0.0);
+        let refined = found.leaves_something(n);
         if rank < n {
             self.find_null_space(n, rank);
+            if refined {
+                self.refine_null_space(matrix, rank, x);
+            }
+        }
+        self.permute(rhs);
+        self.outside.fill(0.0);
+        if rank < n {
             self.project(rank);
             for (&entry, &pivot) in self.permuted.iter().zip(&self.pivots) {
                 self.outside[pivot] = rhs[pivot] - entry;
             }
         }
-        forward(n, &self.factor, &self.factor_inverse, &mut self.permuted[..rank]);
-        backward(n, &self.factor, &self.factor_inverse, &mut self.permuted[..rank]);
-        self.permuted[rank..].fill(0.0);
-        if rank < n && wanted == Wanted::Multipliers {
+        self.solve_basic(rank);
+        if rank < n && (refined || wanted == Wanted::Multipliers) {
             self.project(rank);
         }
         for (&entry, &pivot) in self.permuted.iter().zip(&self.pivots) {
             x[pivot] = entry;
         }
+        if refined {
+            gemv(matrix, x, &mut self.image);
+            for (pivot, entry) in self.pivots.iter().zip(&mut self.permuted) {
+                *entry = rhs[*pivot] - self.outside[*pivot] - self.image[*pivot];
+            }
+            self.project(rank);
+            self.solve_basic(rank);
+            self.project(rank);
+            for (&entry, &pivot) in self.permuted.iter().zip(&self.pivots) {
+                x[pivot] += entry;
+            }
+        }
         found
+    }
+
+    /// The vector of the factor, Pᵀ v.
+    fn permute(&mut self, v: &[f64]) {
+        for (entry, &pivot) in self.permuted.iter_mut().zip(&self.pivots) {
+            *entry = v[pivot];
+        }
+    }
+
+    /// v ← (A₁₁⁻¹ v₁; 0) of the permuted vector.
+    fn solve_basic(&mut self, rank: usize) {
+        let (kept, rest) = self.permuted.split_at_mut(rank);
+        let n = kept.len() + rest.len();
+        forward(n, &self.factor, &self.factor_inverse, kept);
+        backward(n, &self.factor, &self.factor_inverse, kept);
+        rest.fill(0.0);
+    }
+
+    /// One step nearer to the invariant subspace, K ← K + A₁₁⁻¹ (Π A P Z)₁; `column` is workspace.
+    fn refine_null_space(&mut self, matrix: &[f64], rank: usize, column: &mut [f64]) {
+        let d = column.len() - rank;
+        for k in 0..d {
+            column.fill(0.0);
+            column[self.pivots[rank + k]] = 1.0;
+            for (&pivot, entry) in self.pivots.iter().zip(&self.kernel[k * rank..(k + 1) * rank]) {
+                column[pivot] = -entry;
+            }
+            let mut image = mem::take(&mut self.image);
+            gemv(matrix, column, &mut image);
+            self.permute(&image);
+            self.image = image;
+            self.project(rank);
+            self.solve_basic(rank);
+            // Projections go by the old K until all of the new one is there, in the other half.
+            let (old, new) = self.kernel.split_at_mut(rank * d);
+            let columns = new[k * rank..(k + 1) * rank].iter_mut().zip(&old[k * rank..]);
+            for ((new, old), correction) in columns.zip(&self.permuted) {
+                *new = old + correction;
+            }
+        }
+        self.kernel.copy_within(rank * d..2 * rank * d, 0);
+        self.factorise_gram(column.len(), rank);
     }
 
     /// Pᵀ A P = L Lᵀ in place, blocked.
@@ -267,7 +358,7 @@ impl Cholesky {
         let Ok((found, _)) = factored else {
             // It refuses a negative diagonal entry, which shows in `lowest`.
             pivots.iter_mut().enumerate().for_each(|(i, pivot)| *pivot = i);
-            return Found { rank: 0, first, dropped: first, lowest };
+            return Found { rank: 0, first, dropped: first, lowest, last: f64::INFINITY };
         };
         let cut = (self.params.rank_cut * first).max(f64::MIN_POSITIVE);
         let above = |col: &usize| *col < found.rank && factor[col * n + col] * factor[col * n + col] > cut;
@@ -279,18 +370,35 @@ impl Cholesky {
             let left = diagonal[pivots[row]] - squares.sum::<f64>();
             (dropped, lowest) = (dropped.max(left), lowest.min(left));
         }
-        Found { rank, first, dropped, lowest }
+        let pivots = (0..rank).map(|col| factor[col * n + col] * factor[col * n + col]);
+        Found { rank, first, last: pivots.fold(f64::INFINITY, f64::min), dropped, lowest }
     }
 
     /// K and the factor of `E + KᵀK`.
     fn find_null_space(&mut self, n: usize, rank: usize) {
         let d = n - rank;
-        let (kernel, gram) = (&mut self.kernel[..rank * d], &mut self.gram[..d * d]);
+        let kernel = &mut self.kernel[..rank * d];
         for k in 0..d {
             for col in 0..rank {
                 kernel[k * rank + col] = self.factor[col * n + rank + k];
             }
         }
+        if rank > 0 && n >= BLOCKED {
+            let triangle = MatRef::from_column_major_slice(&self.factor, n, n).submatrix(0, 0, rank, rank);
+            let columns = MatMut::from_column_major_slice_mut(kernel, rank, d);
+            vectorised(|| solve_upper_triangular_in_place(triangle.transpose(), columns, Par::Seq));
+        } else if rank > 0 {
+            for column in kernel.chunks_exact_mut(rank) {
+                backward(n, &self.factor, &self.factor_inverse, column);
+            }
+        }
+        self.factorise_gram(n, rank);
+    }
+
+    /// The factor of `E + KᵀK`.
+    fn factorise_gram(&mut self, n: usize, rank: usize) {
+        let d = n - rank;
+        let (kernel, gram) = (&self.kernel[..rank * d], &mut self.gram[..d * d]);
         if rank == 0 {
             gram.fill(0.0);
             (0..d).for_each(|k| gram[k * d + k] = 1.0);
@@ -298,9 +406,6 @@ impl Cholesky {
             return;
         }
         if n < BLOCKED {
-            for column in kernel.chunks_exact_mut(rank) {
-                backward(n, &self.factor, &self.factor_inverse, column);
-            }
             for col in 0..d {
                 for row in col..d {
                     let product =
@@ -310,9 +415,6 @@ impl Cholesky {
             }
             factorise_definite(d, gram);
         } else {
-            let triangle = MatRef::from_column_major_slice(&self.factor, n, n).submatrix(0, 0, rank, rank);
-            let columns = MatMut::from_column_major_slice_mut(kernel, rank, d);
-            vectorised(|| solve_upper_triangular_in_place(triangle.transpose(), columns, Par::Seq));
             let columns = MatRef::from_column_major_slice(kernel, rank, d);
             let mut matrix = MatMut::from_column_major_slice_mut(gram, d, d);
             vectorised(|| {
@@ -365,6 +467,12 @@ impl Cholesky {
         }
     }
 
+    /// What the last factorisation found.
+    pub(crate) const fn found(&self) -> &Found {
+        &self.found
+    }
+
+    /// For a size that has code of its own: with that for refinement if the last step needed it.
     fn run_fixed<const N: usize>(
         &mut self,
         matrix: &[f64],
@@ -372,10 +480,32 @@ impl Cholesky {
         wanted: Wanted,
         x: &mut [f64],
     ) -> Found {
-        self.arch.dispatch(|| {
+        if !self.refining {
+            let found = self.arch.dispatch(|| {
+                let Self { params, pivots, outside, .. } = self;
+                small::solve::<N, false>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside)
+            });
+            if !found.leaves_something(N) {
+                return found;
+            }
+        }
+        self.run_refining::<N>(matrix, rhs, wanted, x)
+    }
+
+    #[inline(never)]
+    fn run_refining<const N: usize>(
+        &mut self,
+        matrix: &[f64],
+        rhs: &[f64],
+        wanted: Wanted,
+        x: &mut [f64],
+    ) -> Found {
+        let found = self.arch.dispatch(|| {
             let Self { params, pivots, outside, .. } = self;
-            small::solve::<N>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside)
-        })
+            small::solve::<N, true>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside)
+        });
+        self.refining = found.leaves_something(N);
+        found
     }
 }
 
@@ -386,7 +516,7 @@ fn factorise(n: usize, rank_cut: f64, a: &mut [f64], pivots: &mut [usize]) -> Fo
     }
     // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
     let rank_cut = rank_cut.max(n as f64 * f64::EPSILON);
-    let mut found = Found { rank: n, first: 0.0, dropped: 0.0, lowest: 0.0 };
+    let mut found = Found::full(n, 0.0);
     for col in 0..n {
         let mut best = col;
         for candidate in col + 1..n {
@@ -404,6 +534,7 @@ fn factorise(n: usize, rank_cut: f64, a: &mut [f64], pivots: &mut [usize]) -> Fo
             found.lowest = (col..n).map(|i| a[i * n + i]).fold(f64::INFINITY, f64::min);
             break;
         }
+        found.last = found.last.min(pivot);
         if best != col {
             swap(n, col, best, a);
             pivots.swap(col, best);
@@ -491,6 +622,7 @@ impl MultiplierSolver for Cholesky {
                 by_size!(n, Self::run_fixed(self, matrix, rhs, wanted, x), self.run(matrix, rhs, wanted, x))
             }
         };
+        self.found = found;
         if found.lowest < -INDEFINITE * found.first.abs() || found.first < 0.0 {
             return Err(Error::NotPositiveSemidefinite { smallest: found.lowest, largest: found.first });
         }
