@@ -16,12 +16,17 @@
 //! r² d + d² n, and its error grows with the condition of A rather than with that of L₁, its square root. At full rank the
 //! two triangular solves are all there is; where only accelerations are wanted the last projection is left out.
 //!
+//! Where what is left over, S, is more than rounding, as loops that stand open leave it, Z is off by ‖S‖/λᵣ from what the
+//! dropped eigenvectors span. A P Z = (0; S) shows it: K ← K + A₁₁⁻¹ (Π A P Z)₁ squares the error, and a second solve, of the
+//! residual, does the same for x.
+//!
 //! Where A has a narrow envelope, as with chains of loops, and is clearly of full rank, its factor is that of `skyline`,
 //! without pivots. Of the rest, sizes up to 8 run on code compiled for their size (as L D Lᵀ, without square roots), those
 //! from 24 on on faer's blocked kernels. faer's own rank cut is at rounding; with complete pivoting the pivots fall, so that
 //! ours is a shorter prefix of the same factor.
 
-use std::mem;
+mod columns;
+mod found;
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::{llt, llt_pivoting};
@@ -29,6 +34,8 @@ use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 
+use self::columns::{backward, factorise, factorise_definite, forward, permute};
+pub(crate) use self::found::Found;
 use crate::eigen::RANK_CUT;
 use crate::error::{Error, check_len};
 use crate::info::Info;
@@ -46,12 +53,6 @@ pub const KIND: SolverKind = SolverKind {
     build: |options| Ok(Box::new(Cholesky::new(CholeskyParams::from_options(options)?))),
     options: CholeskyParams::defaults,
 };
-
-/// A null space found to this many rounding errors of a factor, n ε λ₁ each, is left as it is.
-const ROUNDING: f64 = 16.0;
-
-/// How far the factor's null space may be off, by what is left over against the smallest pivot, to be refined: a step squares it.
-const REFINABLE: f64 = 0.1;
 
 /// A negative pivot counts as A not being positive semidefinite when it is larger than this part of the first one.
 /// Rounding leaves n·ε; an indefinite matrix has pivots of order one.
@@ -97,8 +98,6 @@ pub struct Cholesky {
     outside: Vec<f64>,
     image: Vec<f64>,
     found: Found,
-    /// Whether the last small solve was refined, and the next one is likely to be.
-    refining: bool,
     /// For faer: inverse of the pivots, scratch.
     unpivots: Vec<usize>,
     scratch: MemBuffer,
@@ -113,39 +112,6 @@ impl Clone for Cholesky {
         copy.resize(self.pivots.len());
         copy.pivots.copy_from_slice(&self.pivots);
         copy
-    }
-}
-
-/// What the factorisation found.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Found {
-    /// Rank r.
-    pub rank: usize,
-    /// The first pivot.
-    pub first: f64,
-    /// The smallest one that was kept; infinite if none was.
-    pub last: f64,
-    /// Largest diagonal entry that was dropped.
-    pub dropped: f64,
-    /// The smallest one, which a positive semidefinite A keeps ≥ 0.
-    pub lowest: f64,
-}
-
-impl Found {
-    /// Before anything is dropped.
-    pub(crate) const fn full(rank: usize, first: f64) -> Self {
-        Self { rank, first, last: f64::INFINITY, dropped: 0.0, lowest: 0.0 }
-    }
-
-    /// A bound of λᵣ₊₁ of the n×n matrix: the trace of what is left over.
-    pub(crate) fn left(&self, n: usize) -> f64 {
-        (n - self.rank) as f64 * self.dropped
-    }
-
-    /// Whether that is more than rounding, and little enough for the null space of the factor to be a start.
-    pub(crate) fn leaves_something(&self, n: usize) -> bool {
-        let rounding = ROUNDING * n as f64 * f64::EPSILON * self.first;
-        self.rank > 0 && self.dropped > rounding && self.left(n) < REFINABLE * self.last
     }
 }
 
@@ -166,7 +132,6 @@ impl Cholesky {
             outside: Vec::new(),
             image: Vec::new(),
             found: Found::full(0, 0.0),
-            refining: false,
             unpivots: Vec::new(),
             scratch: MemBuffer::new(StackReq::EMPTY),
             arch: pulp::Arch::new(),
@@ -192,7 +157,6 @@ impl Cholesky {
                 outside: vector(),
                 image: vector(),
                 found: Found::full(0, 0.0),
-                refining: false,
                 unpivots: vec![0; n],
                 scratch: MemBuffer::new(pivoted.or(plain)),
                 arch: self.arch,
@@ -255,14 +219,14 @@ impl Cholesky {
         for (col, inverse) in self.factor_inverse.iter_mut().enumerate().take(rank) {
             *inverse = self.factor[col * n + col].recip();
         }
-        let refined = found.leaves_something(n);
+        let refined = found.wants_refining(n);
         if rank < n {
             self.find_null_space(n, rank);
             if refined {
                 self.refine_null_space(matrix, rank, x);
             }
         }
-        self.permute(rhs);
+        permute(&self.pivots, rhs, &mut self.permuted);
         self.outside.fill(0.0);
         if rank < n {
             self.project(rank);
@@ -278,24 +242,22 @@ impl Cholesky {
             x[pivot] = entry;
         }
         if refined {
-            gemv(matrix, x, &mut self.image);
-            for (pivot, entry) in self.pivots.iter().zip(&mut self.permuted) {
-                *entry = rhs[*pivot] - self.outside[*pivot] - self.image[*pivot];
-            }
-            self.project(rank);
-            self.solve_basic(rank);
-            self.project(rank);
-            for (&entry, &pivot) in self.permuted.iter().zip(&self.pivots) {
-                x[pivot] += entry;
-            }
+            self.refine_solution(matrix, rhs, rank, x);
         }
         found
     }
 
-    /// The vector of the factor, Pᵀ v.
-    fn permute(&mut self, v: &[f64]) {
+    /// One more solve, of what the first one left of Π b: the factor is not quite that of A on its range.
+    fn refine_solution(&mut self, matrix: &[f64], rhs: &[f64], rank: usize, x: &mut [f64]) {
+        gemv(matrix, x, &mut self.image);
         for (entry, &pivot) in self.permuted.iter_mut().zip(&self.pivots) {
-            *entry = v[pivot];
+            *entry = rhs[pivot] - self.outside[pivot] - self.image[pivot];
+        }
+        self.project(rank);
+        self.solve_basic(rank);
+        self.project(rank);
+        for (&entry, &pivot) in self.permuted.iter().zip(&self.pivots) {
+            x[pivot] += entry;
         }
     }
 
@@ -317,10 +279,8 @@ impl Cholesky {
             for (&pivot, entry) in self.pivots.iter().zip(&self.kernel[k * rank..(k + 1) * rank]) {
                 column[pivot] = -entry;
             }
-            let mut image = mem::take(&mut self.image);
-            gemv(matrix, column, &mut image);
-            self.permute(&image);
-            self.image = image;
+            gemv(matrix, column, &mut self.image);
+            permute(&self.pivots, &self.image, &mut self.permuted);
             self.project(rank);
             self.solve_basic(rank);
             // Projections go by the old K until all of the new one is there, in the other half.
@@ -472,28 +432,7 @@ impl Cholesky {
         &self.found
     }
 
-    /// For a size that has code of its own: with that for refinement if the last step needed it.
     fn run_fixed<const N: usize>(
-        &mut self,
-        matrix: &[f64],
-        rhs: &[f64],
-        wanted: Wanted,
-        x: &mut [f64],
-    ) -> Found {
-        if !self.refining {
-            let found = self.arch.dispatch(|| {
-                let Self { params, pivots, outside, .. } = self;
-                small::solve::<N, false>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside)
-            });
-            if !found.leaves_something(N) {
-                return found;
-            }
-        }
-        self.run_refining::<N>(matrix, rhs, wanted, x)
-    }
-
-    #[inline(never)]
-    fn run_refining<const N: usize>(
         &mut self,
         matrix: &[f64],
         rhs: &[f64],
@@ -502,101 +441,10 @@ impl Cholesky {
     ) -> Found {
         let found = self.arch.dispatch(|| {
             let Self { params, pivots, outside, .. } = self;
-            small::solve::<N, true>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside)
+            small::solve::<N>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside)
         });
-        self.refining = found.leaves_something(N);
-        found
-    }
-}
-
-/// Pᵀ A P = L Lᵀ in place, column by column.
-fn factorise(n: usize, rank_cut: f64, a: &mut [f64], pivots: &mut [usize]) -> Found {
-    for (index, pivot) in pivots.iter_mut().enumerate() {
-        *pivot = index;
-    }
-    // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
-    let rank_cut = rank_cut.max(n as f64 * f64::EPSILON);
-    let mut found = Found::full(n, 0.0);
-    for col in 0..n {
-        let mut best = col;
-        for candidate in col + 1..n {
-            if a[candidate * n + candidate] > a[best * n + best] {
-                best = candidate;
-            }
-        }
-        let pivot = a[best * n + best];
-        if col == 0 {
-            found.first = pivot;
-        }
-        if pivot <= rank_cut * found.first || pivot <= f64::MIN_POSITIVE {
-            found.rank = col;
-            found.dropped = pivot.max(0.0);
-            found.lowest = (col..n).map(|i| a[i * n + i]).fold(f64::INFINITY, f64::min);
-            break;
-        }
-        found.last = found.last.min(pivot);
-        if best != col {
-            swap(n, col, best, a);
-            pivots.swap(col, best);
-        }
-        eliminate(n, col, pivot, a);
-    }
-    found
-}
-
-/// One column of L, and what it takes off the rest.
-fn eliminate(n: usize, col: usize, pivot: f64, a: &mut [f64]) {
-    let root = pivot.sqrt();
-    let (left, right) = a.split_at_mut((col + 1) * n);
-    let column = &mut left[col * n..];
-    column[col] = root;
-    let inverse = root.recip();
-    for entry in &mut column[col + 1..] {
-        *entry *= inverse;
-    }
-    for (offset, target) in right.chunks_exact_mut(n).enumerate() {
-        let row = col + 1 + offset;
-        axpy(-column[row], &column[row..], &mut target[row..]);
-    }
-}
-
-/// Swaps rows and columns p < q of the matrix whose lower triangle is stored, with the rows of the part that is factored.
-fn swap(n: usize, p: usize, q: usize, a: &mut [f64]) {
-    for col in 0..p {
-        a.swap(col * n + p, col * n + q);
-    }
-    a.swap(p * n + p, q * n + q);
-    for i in p + 1..q {
-        a.swap(p * n + i, i * n + q);
-    }
-    for row in q + 1..n {
-        a.swap(p * n + row, q * n + row);
-    }
-}
-
-/// B = C Cᵀ in place, lower triangle.
-fn factorise_definite(n: usize, b: &mut [f64]) {
-    for col in 0..n {
-        eliminate(n, col, b[col * n + col].max(f64::MIN_POSITIVE), b);
-    }
-}
-
-/// L z = z, L with stride n and as many rows as z.
-fn forward(n: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
-    let rank = z.len();
-    for col in 0..rank {
-        let entry = z[col] * inverses[col];
-        z[col] = entry;
-        axpy(-entry, &l[col * n + col + 1..col * n + rank], &mut z[col + 1..rank]);
-    }
-}
-
-/// Lᵀ z = z, L with stride n and as many rows as z.
-fn backward(n: usize, l: &[f64], inverses: &[f64], z: &mut [f64]) {
-    let rank = z.len();
-    for col in (0..rank).rev() {
-        let below = dot(&l[col * n + col + 1..col * n + rank], &z[col + 1..rank]);
-        z[col] = (z[col] - below) * inverses[col];
+        // Code for it in there would cost all others a tenth by its mere presence.
+        if found.wants_refining(N) { self.run(matrix, rhs, wanted, x) } else { found }
     }
 }
 

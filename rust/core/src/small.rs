@@ -17,11 +17,8 @@ type Square<const N: usize> = [[f64; N]; N];
 
 /// A⁺ b (or, for accelerations, a basic solution) of the N×N matrix `a`, column-major, into `x`; the part of b that no x can
 /// reach into `outside`. `order` is the order of the pivots, to begin with that of the last step.
-///
-/// `REFINING`: a null space that is off by more than rounding is refined. Solves that need it not would lose a tenth by the
-/// mere presence of its instructions.
 #[inline(always)]
-pub fn solve<const N: usize, const REFINING: bool>(
+pub fn solve<const N: usize>(
     rank_cut: f64,
     order: &mut [usize],
     a: &[f64],
@@ -32,47 +29,33 @@ pub fn solve<const N: usize, const REFINING: bool>(
 ) -> Found {
     let (a, rhs, x, outside) = (&a[..N * N], &rhs[..N], &mut x[..N], &mut outside[..N]);
     let mut pivots: [usize; N] = std::array::from_fn(|i| order[i].min(N - 1));
-    let mut basic = Basic {
-        rank: N,
-        columns: std::array::from_fn(|col| std::array::from_fn(|row| a[pivots[col] * N + pivots[row]])),
-        rows: [[0.0; N]; N],
-        inverses: [0.0; N],
-    };
+    let mut columns: Square<N> =
+        std::array::from_fn(|col| std::array::from_fn(|row| a[pivots[col] * N + pivots[row]]));
+    let (mut rows, mut inverses) = ([[0.0; N]; N], [0.0; N]);
     // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
     let rank_cut = rank_cut.max(N as f64 * f64::EPSILON);
-    let found = basic.factorise(rank_cut, &mut pivots);
+    let found = factorise(rank_cut, &mut columns, &mut rows, &mut pivots, &mut inverses);
     order.copy_from_slice(&pivots);
+    let rank = found.rank;
 
-    let product = |v: &[f64; N]| {
-        let mut product = [0.0; N];
-        for (col, entry) in v.iter().enumerate() {
-            let column = std::array::from_fn(|row| a[pivots[col] * N + pivots[row]]);
-            subtract(-entry, &column, &mut product);
-        }
-        product
-    };
-    let mut null = Null::new(basic.rank, basic.kernel());
-    let refine = REFINING && found.leaves_something(N);
-    if refine {
-        null = null.refined(&basic, product);
-    }
     let mut permuted: [f64; N] = std::array::from_fn(|i| rhs[pivots[i]]);
+    let null = Null::new(rank, &rows);
     null.project(&mut permuted);
     for (&entry, &pivot) in permuted.iter().zip(&pivots) {
         outside[pivot] = rhs[pivot] - entry;
     }
-    let within = permuted;
-    basic.solve(&mut permuted);
-    if refine || wanted == Wanted::Multipliers {
-        null.project(&mut permuted);
+    for col in 0..N {
+        // Columns from the rank on hold what is left over.
+        if col < rank {
+            subtract(permuted[col], &columns[col], &mut permuted);
+        }
     }
-    if refine {
-        let mut left = within;
-        subtract(1.0, &product(&permuted), &mut left);
-        null.project(&mut left);
-        basic.solve(&mut left);
-        null.project(&mut left);
-        subtract(-1.0, &left, &mut permuted);
+    for (entry, inverse) in permuted.iter_mut().zip(&inverses) {
+        *entry *= inverse;
+    }
+    backward(rank, &rows, &mut permuted);
+    if wanted == Wanted::Multipliers {
+        null.project(&mut permuted);
     }
     for (&entry, &pivot) in permuted.iter().zip(&pivots) {
         x[pivot] = entry;
@@ -98,92 +81,57 @@ fn dot<const N: usize>(x: &[f64; N], y: &[f64; N]) -> f64 {
     sums[0] + sums[1]
 }
 
-/// L D Lᵀ of the rows that are kept: L without its unit diagonal, zero everywhere else.
-struct Basic<const N: usize> {
-    rank: usize,
-    /// L by columns; from the rank on they hold what is left over.
-    columns: Square<N>,
-    /// L by rows.
-    rows: Square<N>,
-    /// 1/D, 0 beyond the rank.
-    inverses: [f64; N],
+/// Pᵀ A P = L D Lᵀ: L without its unit diagonal, zero everywhere else, by columns in `a` and by rows in `rows`, and 1/D in
+/// `inverses`, which is 0 beyond the rank.
+#[inline(always)]
+fn factorise<const N: usize>(
+    rank_cut: f64,
+    a: &mut Square<N>,
+    rows: &mut Square<N>,
+    pivots: &mut [usize; N],
+    inverses: &mut [f64; N],
+) -> Found {
+    let mut found = Found::full(N, 0.0);
+    found.first = (0..N).fold(f64::NEG_INFINITY, |first, i| first.max(a[i][i]));
+    for col in 0..N {
+        let mut pivot = a[col][col];
+        if pivot.is_nan() || pivot < GOOD_PIVOT * found.first || pivot <= f64::MIN_POSITIVE {
+            let best = (col..N).fold(col, |best, i| if a[i][i] > a[best][best] { i } else { best });
+            pivot = a[best][best];
+            if pivot <= rank_cut * found.first || pivot <= f64::MIN_POSITIVE {
+                found.rank = col;
+                found.dropped = pivot.max(0.0);
+                found.lowest = (col..N).map(|i| a[i][i]).fold(f64::INFINITY, f64::min);
+                break;
+            }
+            a.swap(col, best);
+            for column in a.iter_mut() {
+                column.swap(col, best);
+            }
+            rows.swap(col, best);
+            pivots.swap(col, best);
+        }
+        let inverse = pivot.recip();
+        inverses[col] = inverse;
+        let mut scaled = a[col].map(|entry| entry * inverse);
+        scaled[..=col].fill(0.0);
+        for target in col + 1..N {
+            rows[target][col] = scaled[target];
+            subtract(a[target][col], &scaled, &mut a[target]);
+        }
+        a[col] = scaled;
+    }
+    found.last = inverses.iter().fold(0.0_f64, |most, &inverse| most.max(inverse)).recip();
+    found
 }
 
-impl<const N: usize> Basic<N> {
-    /// Of Pᵀ A P, which is given in the columns.
-    #[inline(always)]
-    fn factorise(&mut self, rank_cut: f64, pivots: &mut [usize; N]) -> Found {
-        let Self { rank, columns: a, rows, inverses } = self;
-        let mut found = Found::full(N, 0.0);
-        found.first = (0..N).fold(f64::NEG_INFINITY, |first, i| first.max(a[i][i]));
-        for col in 0..N {
-            let mut pivot = a[col][col];
-            if pivot.is_nan() || pivot < GOOD_PIVOT * found.first || pivot <= f64::MIN_POSITIVE {
-                let best = (col..N).fold(col, |best, i| if a[i][i] > a[best][best] { i } else { best });
-                pivot = a[best][best];
-                if pivot <= rank_cut * found.first || pivot <= f64::MIN_POSITIVE {
-                    found.rank = col;
-                    found.dropped = pivot.max(0.0);
-                    found.lowest = (col..N).map(|i| a[i][i]).fold(f64::INFINITY, f64::min);
-                    break;
-                }
-                a.swap(col, best);
-                for column in a.iter_mut() {
-                    column.swap(col, best);
-                }
-                rows.swap(col, best);
-                pivots.swap(col, best);
-            }
-            let inverse = pivot.recip();
-            inverses[col] = inverse;
-            let mut scaled = a[col].map(|entry| entry * inverse);
-            scaled[..=col].fill(0.0);
-            for target in col + 1..N {
-                rows[target][col] = scaled[target];
-                subtract(a[target][col], &scaled, &mut a[target]);
-            }
-            a[col] = scaled;
+/// L₁ᵀ z = z for the unit triangle of the first `rank` rows, of which the last comes first: nothing waits for a sum.
+#[inline(always)]
+fn backward<const N: usize>(rank: usize, rows: &Square<N>, z: &mut [f64; N]) {
+    for row in (0..N).rev() {
+        if row < rank {
+            subtract(z[row], &rows[row], z);
         }
-        *rank = found.rank;
-        found.last = inverses.iter().fold(0.0_f64, |most, &inverse| most.max(inverse)).recip();
-        found
-    }
-
-    /// v ← (A₁₁⁻¹ v₁; 0).
-    #[inline(always)]
-    fn solve(&self, v: &mut [f64; N]) {
-        for col in 0..N {
-            if col < self.rank {
-                subtract(v[col], &self.columns[col], v);
-            }
-        }
-        for (entry, inverse) in v.iter_mut().zip(&self.inverses) {
-            *entry *= inverse;
-        }
-        self.backward(v);
-    }
-
-    /// L₁ᵀ z = z for the unit triangle of the first rows, of which the last comes first: nothing waits for a sum.
-    #[inline(always)]
-    fn backward(&self, z: &mut [f64; N]) {
-        for row in (0..N).rev() {
-            if row < self.rank {
-                subtract(z[row], &self.rows[row], z);
-            }
-        }
-    }
-
-    /// Columns of K = L₁⁻ᵀ L₂ᵀ, counted from the rank on.
-    #[inline(always)]
-    fn kernel(&self) -> Square<N> {
-        std::array::from_fn(|k| {
-            let mut column = [0.0; N];
-            if k >= self.rank {
-                column = self.rows[k];
-                self.backward(&mut column);
-            }
-            column
-        })
     }
 }
 
@@ -198,7 +146,15 @@ struct Null<const N: usize> {
 
 impl<const N: usize> Null<N> {
     #[inline(always)]
-    fn new(rank: usize, kernel: Square<N>) -> Self {
+    fn new(rank: usize, rows: &Square<N>) -> Self {
+        let kernel: Square<N> = std::array::from_fn(|k| {
+            let mut column = [0.0; N];
+            if k >= rank {
+                column = rows[k];
+                backward(rank, rows, &mut column);
+            }
+            column
+        });
         let mut gram: Square<N> = std::array::from_fn(|col| {
             std::array::from_fn(|row| {
                 let wanted = col >= rank && row >= col;
@@ -220,23 +176,6 @@ impl<const N: usize> Null<N> {
             gram[col][col + 1..].iter_mut().for_each(|entry| *entry *= inverse);
         }
         Self { rank, kernel, gram }
-    }
-
-    /// One step nearer to the invariant subspace, K ← K + A₁₁⁻¹ (Π A Z)₁, with the product by A.
-    #[inline(always)]
-    fn refined(&self, basic: &Basic<N>, product: impl Fn(&[f64; N]) -> [f64; N]) -> Self {
-        let mut kernel = self.kernel;
-        for k in 0..N {
-            if k >= self.rank {
-                let mut column = self.kernel[k].map(|entry| -entry);
-                column[k] = 1.0;
-                let mut image = product(&column);
-                self.project(&mut image);
-                basic.solve(&mut image);
-                subtract(-1.0, &image, &mut kernel[k]);
-            }
-        }
-        Self::new(self.rank, kernel)
     }
 
     /// v ← Π v.
