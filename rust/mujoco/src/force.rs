@@ -58,6 +58,33 @@ impl Answer {
     }
 }
 
+/// The solver whose multipliers count as the minimum-norm ones, and those of the question it was last asked.
+pub struct Reference {
+    /// λ, ne.
+    pub multipliers: Vec<f64>,
+    /// What the solver says of the question.
+    pub info: Info,
+    solver: Box<dyn MultiplierSolver>,
+}
+
+impl Reference {
+    /// Nothing asked yet.
+    #[must_use]
+    pub fn new(solver: Box<dyn MultiplierSolver>) -> Self {
+        Self { multipliers: Vec::new(), info: Info::trivial(0.0), solver }
+    }
+
+    /// Asks it.
+    ///
+    /// # Errors
+    /// Those of [`ConstrainedSystem::solve`].
+    pub fn ask(&mut self, system: &mut ConstrainedSystem) -> Result<(), Error> {
+        self.multipliers.resize(system.len(), 0.0);
+        self.info = system.solve(&mut *self.solver, Wanted::Multipliers, &mut self.multipliers)?;
+        Ok(())
+    }
+}
+
 /// The figures of the solves of one step.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tally {

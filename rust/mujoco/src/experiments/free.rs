@@ -8,7 +8,7 @@ use oarlock_core::Status;
 use super::Solver;
 use super::common::{Companion, MujocoWalker, projecting};
 use crate::error::Error;
-use crate::force::{Answer, SolvedForce, Tally};
+use crate::force::{Reference, SolvedForce, Tally};
 use crate::library::Data;
 use crate::projection::Projector;
 use crate::run::{Experiment, Notes, Run, Setup, Snapshot};
@@ -123,8 +123,7 @@ impl Experiment for Bare {
 struct FreeSolved {
     walker: ForcedWalker<SolvedForce>,
     theirs: Companion,
-    reference: Solver,
-    truth: Answer,
+    reference: Reference,
     notes: Notes,
     steps: Steps,
 }
@@ -147,8 +146,7 @@ pub fn free_solved(
     let experiment = FreeSolved {
         walker: ForcedWalker::new(own.data()?, own.drive, force, projector)?,
         theirs: Companion::new(setup)?,
-        reference,
-        truth: Answer::new(nv),
+        reference: Reference::new(reference),
         notes: Notes::new(setup),
         steps: Steps::default(),
     };
@@ -166,13 +164,13 @@ impl Experiment for FreeSolved {
     }
 
     fn record(&mut self, step: usize) -> Result<(), Error> {
-        let Self { walker, theirs, reference, truth, notes, steps } = self;
+        let Self { walker, theirs, reference, notes, steps } = self;
         let (data, force) = (&mut walker.data, &mut walker.force);
         notes.state(steps, step, data, &force.state, data.qacc());
         theirs.compare(steps, data.qpos())?;
         notes.free(steps, step, data)?;
-        truth.fill(data, &mut force.state, &mut force.system, &mut **reference)?;
-        steps.min_norm_error.push(relative_difference(&force.answer.multipliers, &truth.multipliers));
+        reference.ask(&mut force.system)?;
+        steps.min_norm_error.push(relative_difference(&force.answer.multipliers, &reference.multipliers));
         Ok(())
     }
 
@@ -181,7 +179,7 @@ impl Experiment for FreeSolved {
     }
 
     fn finish(&mut self, step_us: f64) -> Result<(), Error> {
-        mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.truth.info);
+        mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.reference.info);
         projecting(&mut self.steps, self.walker.projector.as_ref());
         self.steps.step_us.push(step_us);
         Ok(())

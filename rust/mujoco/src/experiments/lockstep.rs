@@ -5,7 +5,7 @@ use oarlock_core::ConstrainedSystem;
 use super::Solver;
 use super::common::{MujocoWalker, projecting};
 use crate::error::Error;
-use crate::force::{Answer, SolvedForce, Tally};
+use crate::force::{Answer, Reference, SolvedForce, Tally};
 use crate::library::Data;
 use crate::projection::Projector;
 use crate::run::{Experiment, Notes, Run, Setup, Snapshot};
@@ -24,8 +24,7 @@ enum Leader {
 struct Question {
     form: Form,
     system: ConstrainedSystem,
-    reference: Solver,
-    truth: Answer,
+    reference: Reference,
     answer: Answer,
     solvers: Vec<(Solver, Steps)>,
 }
@@ -64,8 +63,7 @@ pub fn lockstep(
     let question = |(form, reference, solvers): Asked| Question {
         form,
         system: ConstrainedSystem::new(),
-        reference,
-        truth: Answer { timed: false, ..Answer::new(nv) },
+        reference: Reference::new(reference),
         answer: Answer::new(nv),
         solvers: solvers.into_iter().map(|solver| (solver, Steps::default())).collect(),
     };
@@ -129,16 +127,16 @@ impl Experiment for Lockstep {
             Leader::Solver(walker) => (&mut walker.data, &mut walker.force.state),
         };
         for question in &mut self.questions {
-            let Question { form, system, reference, truth, answer, solvers } = question;
+            let Question { form, system, reference, answer, solvers } = question;
             state.ask(data, *form, system)?;
-            truth.fill(data, state, system, &mut **reference)?;
+            reference.ask(system)?;
             for (solver, steps) in solvers {
                 answer.fill(data, state, system, &mut **solver)?;
                 self.notes.state(steps, step, data, state, &answer.qacc);
                 let mut tally = Tally::default();
                 tally.add(&answer.info, answer.elapsed);
-                tally.write(steps, &truth.info);
-                steps.min_norm_error.push(relative_difference(&answer.multipliers, &truth.multipliers));
+                tally.write(steps, &reference.info);
+                steps.min_norm_error.push(relative_difference(&answer.multipliers, &reference.multipliers));
                 steps.qacc_rel_diff.push(relative_difference(&answer.qacc, &self.qacc));
                 steps.qfrc_constraint_rel_diff.push(relative_difference(&answer.qfrc, &self.qfrc));
                 steps.multipliers.push(&answer.multipliers);
