@@ -245,7 +245,13 @@ def test_the_first_setting_is_predicted_from_the_run_as_authored():
     found = recipe(one.model, start_of(one), one.laws, 1e-5, 1.0, recording=recording)
     first = found.trials[1]
     assert first.predicted == pytest.approx(first.drift, rel=PREDICTED_HARD)
-    refined = [trial for trial in found.trials if "smaller" in trial.label]
+
+
+def test_what_a_smaller_timestep_should_leave_is_said_before_it_is_tried():
+    found = recipe_of("four_bar", 1e-8)
+    own = [trial for trial in found.trials if trial.start == found.authored.start]
+    refined = [trial for trial in own if "smaller" in trial.label]
+    assert refined
     assert all(trial.predicted is not None for trial in refined)
 
 
