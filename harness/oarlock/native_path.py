@@ -19,7 +19,7 @@ from oarlock.errors import InputError, one_line
 from oarlock.inequalities import refuse_inequalities
 from oarlock.python_path import Make, Spools, Tables, Tick
 from oarlock.setup import Setup
-from oarlock.solvers import MUJOCO, REFERENCE, SolverSpec
+from oarlock.solvers import MUJOCO, RUN_REFERENCE, SolverSpec
 from oarlock.spool import Spool
 
 TICK_STEPS = 200
@@ -75,7 +75,7 @@ class NativePath:
     ) -> Tables:
         """As ``PythonPath``."""
         make = self._make
-        questions = [(form, make(SolverSpec(REFERENCE)), [make(spec) for spec in solvers]) for form in forms]
+        questions = [(form, make(SolverSpec(RUN_REFERENCE)), [make(spec) for spec in solvers]) for form in forms]
         leader = None if walker.name == MUJOCO else make(walker)
         last = make(projector) if projector else None
         return self._walk(self.core.lockstep(self._setup.steps, questions, leader, last), len(forms) * len(solvers))
@@ -91,7 +91,7 @@ class NativePath:
         if form is None:
             return self._walk(self.core.free_mujoco(steps))
         last = make(projector) if projector else None
-        return self._walk(self.core.free_solved(steps, form, make(solver), make(SolverSpec(REFERENCE)), last))
+        return self._walk(self.core.free_solved(steps, form, make(solver), make(SolverSpec(RUN_REFERENCE)), last))
 
     def _walk(self, run: _core.Run, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""

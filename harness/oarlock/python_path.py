@@ -17,7 +17,7 @@ from oarlock.metrics import Energy, projecting
 from oarlock.projection import Projector
 from oarlock.recorder import Recorder, Row
 from oarlock.setup import Setup
-from oarlock.solvers import MUJOCO, REFERENCE, Question, SolvedForce, SolverSpec
+from oarlock.solvers import MUJOCO, RUN_REFERENCE, Question, SolvedForce, SolverSpec
 from oarlock.spool import Spool
 from oarlock.state import State
 from oarlock.stepping import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_finite
@@ -110,7 +110,7 @@ class PythonPath:
         make, recorders = self._make, self._recorders(len(forms) * len(solvers))
         tables = iter(recorders)
         questions = [
-            (Question(state, form), make(SolverSpec(REFERENCE)), [(make(spec), next(tables)) for spec in solvers])
+            (Question(state, form), make(SolverSpec(RUN_REFERENCE)), [(make(spec), next(tables)) for spec in solvers])
             for form in forms
         ]
 
@@ -212,7 +212,7 @@ class PythonPath:
         force = SolvedForce(state, form, self._make(solver))
         last = Projector(model, solver=projector) if projector else None
         walker = ForcedWalker(model, data, setup.drive, force, last)
-        reference_solver = self._make(SolverSpec(REFERENCE))
+        reference_solver = self._make(SolverSpec(RUN_REFERENCE))
         energy = Energy(setup.model)
         recorder = self._recorder()
 

@@ -19,6 +19,9 @@ MUJOCO = "mujoco"
 REFERENCE = "pinv"
 """The solver whose multipliers count as the minimum-norm ones."""
 
+RUN_REFERENCE = "pinv-tracked"
+"""The same along a run: to rounding the answers of ``REFERENCE``, in half its time."""
+
 
 def solver_names() -> list[str]:
     """Names in the registry of the compiled core."""

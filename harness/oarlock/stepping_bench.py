@@ -20,7 +20,7 @@ from oarlock.native_path import NativePath
 from oarlock.python_path import PythonPath
 from oarlock.results import SCHEMA
 from oarlock.setup import Setup
-from oarlock.solvers import MUJOCO, REFERENCE, SolverSpec
+from oarlock.solvers import MUJOCO, RUN_REFERENCE, SolverSpec
 from oarlock.spool import spools
 
 MODELS = ("boat", "four_bar", "n_four_bar:N=10,connects=2", "n_four_bar:N=40,connects=2")
@@ -124,7 +124,7 @@ class Track:
 
     def _exact(self, solver: str) -> Callable[[], _core.Run]:
         core = self._path(self._setup()).core
-        own, reference = self._make(SolverSpec(solver)), self._make(SolverSpec(REFERENCE))
+        own, reference = self._make(SolverSpec(solver)), self._make(SolverSpec(RUN_REFERENCE))
         return lambda: core.free_solved(self.steps, "hard", own, reference)
 
     def profile(self, solver: str) -> Callable[[], dict[str, Any]]:
@@ -134,7 +134,7 @@ class Track:
 
     def _lockstep(self) -> Contender:
         core = self._path(self._setup()).core
-        own, reference = self._make(SolverSpec("sr1-tracked")), self._make(SolverSpec(REFERENCE))
+        own, reference = self._make(SolverSpec("sr1-tracked")), self._make(SolverSpec(RUN_REFERENCE))
 
         def once() -> float:
             run = core.lockstep(self.steps, [("hard", reference, [own])])
@@ -149,7 +149,7 @@ class Track:
 
     def _many(self, *, together: bool) -> Contender:
         core = self._path(self._setup()).core
-        own, reference = self._make(SolverSpec("auto")), self._make(SolverSpec(REFERENCE))
+        own, reference = self._make(SolverSpec("auto")), self._make(SolverSpec(RUN_REFERENCE))
 
         def once() -> float:
             runs = [core.free_solved(self.steps, "hard", own, reference) for _ in range(RUNS)]

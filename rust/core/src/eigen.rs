@@ -1,15 +1,20 @@
 //! Symmetric eigendecomposition with a rank cut, in a workspace that is kept: nalgebra's for small sizes, faer's beyond.
 
-use faer::diag::Diag;
+mod carried;
+
+use faer::diag::DiagMut;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
-use faer::{ColRef, Mat, MatRef, Par, Spec};
+use faer::{MatMut, MatRef, Par, Spec};
 use nalgebra::allocator::Allocator;
 use nalgebra::{Const, DMatrix, DefaultAllocator, DimDiff, DimSub, OMatrix, U1};
 
 use crate::error::Error;
-use crate::kernels::{axpy, by_size, dot, norm, rank_one, vectorised};
+use crate::info::Info;
+use crate::kernels::{axpy, by_size, dot, largest, norm, rank_one, vectorised};
 use crate::problem::Problem;
+
+pub use carried::CarriedEigen;
 
 /// Eigenvalues of A below this part of the largest count as zero, unless an option `rank_cut` says otherwise.
 ///
@@ -27,10 +32,13 @@ const MAX_SWEEPS: usize = 30;
 
 /// A = U diag(w) Uᵀ and the rank by a relative cut.
 pub struct SymmetricEigen {
-    vectors: Mat<f64>,
-    values: Diag<f64>,
+    /// U, n×n, column-major.
+    vectors: Vec<f64>,
+    values: Vec<f64>,
     scratch: MemBuffer,
     rank: usize,
+    /// ‖A N‖ of the eigenvectors N that are dropped.
+    dropped: f64,
     projected: Vec<f64>,
     image: Vec<f64>,
 }
@@ -39,11 +47,9 @@ impl Clone for SymmetricEigen {
     /// A workspace with the same decomposition; the scratch memory is its own.
     fn clone(&self) -> Self {
         let mut copy = Self::new(self.len());
-        copy.vectors.copy_from(&self.vectors);
-        for i in 0..self.len() {
-            copy.values[i] = self.values[i];
-        }
-        copy.rank = self.rank;
+        copy.vectors.copy_from_slice(&self.vectors);
+        copy.values.copy_from_slice(&self.values);
+        (copy.rank, copy.dropped) = (self.rank, self.dropped);
         copy
     }
 }
@@ -59,10 +65,11 @@ impl SymmetricEigen {
             self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Spec::default())
         };
         Self {
-            vectors: Mat::zeros(n, n),
-            values: Diag::zeros(n),
+            vectors: vec![0.0; n * n],
+            values: vec![0.0; n],
             scratch: MemBuffer::new(scratch),
             rank: 0,
+            dropped: 0.0,
             projected: vec![0.0; n],
             image: vec![0.0; n],
         }
@@ -90,23 +97,23 @@ impl SymmetricEigen {
         if matrix.iter().all(|entry| entry.abs() < f64::MIN_POSITIVE) {
             // faer gives up on subnormal numbers; they count as zero.
             self.vectors.fill(0.0);
-            for i in 0..n {
-                (self.vectors[(i, i)], self.values[i]) = (1.0, 0.0);
-            }
-            self.rank = 0;
+            self.vectors.iter_mut().step_by(n + 1).for_each(|entry| *entry = 1.0);
+            self.values.fill(0.0);
+            (self.rank, self.dropped) = (0, 0.0);
             return Ok(());
         }
         if !by_size!(n, Self::decompose_fixed(self, matrix), false) {
             self.decompose_dynamic(matrix)?;
         }
-        let (smallest, largest) = (self.values[0], self.values[n - 1]);
+        let (least, most) = (self.values[0], self.values[n - 1]);
         // Subnormal eigenvalues count as zero, and their sign says nothing.
-        let scale = largest.abs().max(smallest.abs());
+        let scale = most.abs().max(least.abs());
         let cut = (rank_cut * scale).max(f64::MIN_POSITIVE);
-        if smallest < -(SEMIDEFINITE_TOLERANCE * scale).max(f64::MIN_POSITIVE) {
-            return Err(Error::NotPositiveSemidefinite { smallest, largest });
+        if least < -(SEMIDEFINITE_TOLERANCE * scale).max(f64::MIN_POSITIVE) {
+            return Err(Error::NotPositiveSemidefinite { smallest: least, largest: most });
         }
-        self.rank = (0..n).filter(|&i| self.values[i] > cut).count();
+        self.rank = self.values.iter().filter(|&&value| value > cut).count();
+        self.dropped = largest(&self.values[..n - self.rank]);
         Ok(())
     }
 
@@ -117,8 +124,8 @@ impl SymmetricEigen {
         vectorised(|| {
             self_adjoint_evd(
                 view,
-                self.values.as_mut(),
-                Some(self.vectors.as_mut()),
+                DiagMut::from_slice_mut(&mut self.values),
+                Some(MatMut::from_column_major_slice_mut(&mut self.vectors, n, n)),
                 Par::Seq,
                 MemStack::new(&mut self.scratch),
                 Spec::default(),
@@ -144,9 +151,11 @@ impl SymmetricEigen {
         order.sort_unstable_by(|&i, &j| found.eigenvalues[i].total_cmp(&found.eigenvalues[j]));
         for (col, from) in order.into_iter().enumerate() {
             self.values[col] = found.eigenvalues[from];
-            for row in 0..N {
-                self.vectors[(row, col)] = found.eigenvectors[(row, from)];
-            }
+            let vector = &mut self.vectors[col * N..(col + 1) * N];
+            vector
+                .iter_mut()
+                .zip(&found.eigenvectors.column(from))
+                .for_each(|(entry, value)| *entry = *value);
         }
         true
     }
@@ -181,6 +190,21 @@ impl SymmetricEigen {
         norm(&self.projected[..null])
     }
 
+    /// x = A⁺ b of the problem that was decomposed, with its figures.
+    ///
+    /// # Panics
+    /// As [`solve`](Self::solve).
+    pub fn answer(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Info {
+        let inconsistency = self.solve(problem.rhs(), x);
+        Info {
+            residual_rel: self.residual_rel(problem, x),
+            inconsistency: Some(inconsistency),
+            rank: Some(self.rank),
+            null_residual: Some(self.null_residual()),
+            ..Info::trivial(0.0)
+        }
+    }
+
     /// ‖A x − P b‖ / ‖b‖ for an x in range(A), P the projector onto range(A); 0 when b = 0. Call it after
     /// [`solve`](Self::solve) with the same system, whose Uᵀ b it uses.
     ///
@@ -199,19 +223,17 @@ impl SymmetricEigen {
         (null..n).map(miss).sum::<f64>().sqrt() / norm
     }
 
-    /// Largest dropped eigenvalue over the largest of all: ‖A N‖ / ‖A‖ of the null-space basis; 0 without one.
+    /// ‖A N‖ / ‖A‖ of the null-space basis, the eigenvectors that are dropped; 0 without any.
     #[must_use]
     pub fn null_residual(&self) -> f64 {
-        let n = self.len();
-        let largest = self.values[n - 1].abs();
-        let dropped = (0..n - self.rank).map(|i| self.values[i].abs()).fold(0.0, f64::max);
-        if largest == 0.0 { 0.0 } else { dropped / largest }
+        let most = largest(&self.values);
+        if most == 0.0 { 0.0 } else { self.dropped / most }
     }
 
     /// The i-th eigenvector, `n`.
     #[must_use]
     pub fn vector(&self, i: usize) -> &[f64] {
-        self.vectors.col(i).try_as_col_major().map_or(&[], ColRef::as_slice)
+        &self.vectors[i * self.len()..(i + 1) * self.len()]
     }
 
     /// Writes A⁺ into `inverse` (`n×n`, column-major).

@@ -12,7 +12,7 @@
 //!
 //! The factors t are fitted anew every step; only which rows belong together is planned once.
 
-use crate::kernels::{axpy, dot, norm};
+use crate::kernels::{axpy, dot, largest, norm};
 
 /// A row counts as proportional to another when it differs from its multiple by no more than this part of its length,
 /// and as zero when none of its entries exceeds this part of the largest one. Rows that are the same in exact arithmetic differ
@@ -200,11 +200,6 @@ impl Fold {
 
 fn row_of(rows: &[f64], width: usize, index: usize) -> &[f64] {
     &rows[index * width..(index + 1) * width]
-}
-
-/// The largest entry, which unlike the length neither overflows nor underflows.
-fn largest(entries: &[f64]) -> f64 {
-    entries.iter().fold(0.0, |largest, entry| largest.max(entry.abs()))
 }
 
 /// t with row = t · representative, if there is one.

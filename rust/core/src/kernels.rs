@@ -4,7 +4,6 @@
 
 use faer::linalg::matmul::{matmul, triangular};
 use faer::{Accum, MatMut, MatRef, Par};
-use nalgebra::{SMatrixView, SVectorView, SVectorViewMut};
 
 /// From here on faer's kernels beat plain loops (measured: `make bench`).
 pub const BLOCKED: usize = 24;
@@ -45,10 +44,23 @@ pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(a, b)| a * b).sum()
 }
 
-/// ‖x‖.
+/// ‖x‖, summed in four lanes: a chain of sums would wait for each.
 #[inline]
 pub fn norm(x: &[f64]) -> f64 {
-    dot(x, x).sqrt()
+    let (chunks, rest) = x.as_chunks::<4>();
+    let mut lanes = [0.0; 4];
+    for chunk in chunks {
+        for (lane, entry) in lanes.iter_mut().zip(chunk) {
+            *lane += entry * entry;
+        }
+    }
+    ((lanes[0] + lanes[2]) + (lanes[1] + lanes[3]) + dot(rest, rest)).sqrt()
+}
+
+/// Largest magnitude, which unlike the length neither overflows nor underflows; 0 of nothing.
+#[inline]
+pub fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |largest, entry| largest.max(entry.abs()))
 }
 
 /// y += alpha x.
@@ -59,10 +71,17 @@ pub fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
+#[allow(clippy::inline_always)]
+#[inline(always)]
 fn gemv_fixed<const N: usize>(a: &[f64], x: &[f64], y: &mut [f64]) {
-    let a = SMatrixView::<f64, N, N>::from_slice(a);
-    let x = SVectorView::<f64, N>::from_slice(x);
-    SVectorViewMut::<f64, N>::from_slice(y).copy_from(&(a * x));
+    let (columns, _) = a.as_chunks::<N>();
+    let mut sum = [0.0; N];
+    for (column, factor) in columns.iter().zip(x) {
+        for (entry, other) in sum.iter_mut().zip(column) {
+            *entry += factor * other;
+        }
+    }
+    y.copy_from_slice(&sum);
 }
 
 fn gemv_dynamic(a: &[f64], x: &[f64], y: &mut [f64]) {
@@ -107,13 +126,27 @@ pub fn rank_one(alpha: f64, w: &[f64], a: &mut [f64]) {
     by_size!(w.len(), rank_one_fixed(alpha, w, a), rank_one_dynamic(alpha, w, a));
 }
 
-/// A += alpha (u vᵀ + v uᵀ).
-#[inline]
-pub fn rank_two(alpha: f64, u: &[f64], v: &[f64], a: &mut [f64]) {
+fn rank_two_fixed<const N: usize>(alpha: f64, u: &[f64], v: &[f64], a: &mut [f64]) {
+    let (columns, _) = a.as_chunks_mut::<N>();
+    for (column, (u_entry, v_entry)) in columns.iter_mut().zip(u.iter().zip(v)) {
+        let (of_u, of_v) = (alpha * v_entry, alpha * u_entry);
+        for (entry, (u, v)) in column.iter_mut().zip(u.iter().zip(v)) {
+            *entry = *entry + of_u * u + of_v * v;
+        }
+    }
+}
+
+fn rank_two_dynamic(alpha: f64, u: &[f64], v: &[f64], a: &mut [f64]) {
     for ((column, &u_entry), &v_entry) in a.chunks_exact_mut(u.len()).zip(u).zip(v) {
         axpy(alpha * v_entry, u, column);
         axpy(alpha * u_entry, v, column);
     }
+}
+
+/// A += alpha (u vᵀ + v uᵀ).
+#[inline]
+pub fn rank_two(alpha: f64, u: &[f64], v: &[f64], a: &mut [f64]) {
+    by_size!(u.len(), rank_two_fixed(alpha, u, v, a), rank_two_dynamic(alpha, u, v, a));
 }
 
 /// Y = A X with A (`rows×inner`) and X (`inner×cols`); faer's kernels, which pay from a few columns on.
@@ -129,6 +162,69 @@ pub fn gemm(rows: usize, inner: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
             Par::Seq,
         );
     });
+}
+
+/// Y = A X with A (`n×n`) and X (`n×cols`), column by column or blocked.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub fn multiply(n: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
+    by_size!(n, multiply_fixed(a, x, y), multiply_dynamic(n, a, x, y));
+}
+
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn multiply_fixed<const N: usize>(a: &[f64], x: &[f64], y: &mut [f64]) {
+    for (x, y) in x.chunks_exact(N).zip(y.chunks_exact_mut(N)) {
+        gemv_fixed::<N>(a, x, y);
+    }
+}
+
+fn multiply_dynamic(n: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
+    if n >= BLOCKED && x.len() > 2 * n {
+        gemm(n, n, a, x, y);
+        return;
+    }
+    for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
+        gemv_dynamic(a, x, y);
+    }
+}
+
+/// Y = Aᵀ X, `n×n` each.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub fn multiply_tr(n: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
+    by_size!(n, multiply_tr_fixed(a, x, y), multiply_tr_dynamic(n, a, x, y));
+}
+
+fn multiply_tr_dynamic(n: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
+    if n >= BLOCKED {
+        gemm_tr(n, n, a, x, y);
+        return;
+    }
+    for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
+        for (a, y) in a.chunks_exact(n).zip(y) {
+            *y = dot(a, x);
+        }
+    }
+}
+
+/// As a sum over the rows, as in `gram_fixed`.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn multiply_tr_fixed<const N: usize>(a: &[f64], x: &[f64], y: &mut [f64]) {
+    let mut sum = [[0.0; N]; N];
+    for k in 0..N {
+        let left: [f64; N] = std::array::from_fn(|col| a[col * N + k]);
+        let right: [f64; N] = std::array::from_fn(|col| x[col * N + k]);
+        for (column, factor) in sum.iter_mut().zip(right) {
+            for (entry, other) in column.iter_mut().zip(left) {
+                *entry += factor * other;
+            }
+        }
+    }
+    for (column, from) in y.chunks_exact_mut(N).zip(&sum) {
+        column.copy_from_slice(from);
+    }
 }
 
 /// Y = Aᵀ X with A (`inner×rows`) and X (`inner×cols`).
@@ -162,12 +258,16 @@ pub fn gemm_outer(n: usize, alpha: f64, x: &[f64], y: &[f64], a: &mut [f64]) {
 }
 
 /// `C = AᵀA` with A (`inner×n`).
+#[allow(clippy::inline_always)]
+#[inline(always)]
 pub fn gram(inner: usize, a: &[f64], c: &mut [f64]) {
     let n = a.len() / inner.max(1);
     by_size!(n, gram_fixed(inner, a, c), gram_dynamic(n, inner, a, c));
 }
 
 /// As a sum over the rows of A, whose length is known.
+#[allow(clippy::inline_always)]
+#[inline(always)]
 fn gram_fixed<const N: usize>(inner: usize, a: &[f64], c: &mut [f64]) {
     let mut sum = [[0.0; N]; N];
     for k in 0..inner {

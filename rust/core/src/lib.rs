@@ -35,9 +35,10 @@
 //! | [`quasi_newton`] | what the paper compares with: SR1, BFGS and DFP with line search, carried the same way |
 //! | [`cholesky`] | rank-revealing, minimum norm through a basis of the null space: the fast direct solver |
 //! | [`pinv`] | the reference: pseudo-inverse from a symmetric eigendecomposition |
+//! | [`pinv_tracked`] | the same to rounding, from eigenvectors refined from step to step |
 //! | [`regularised`] | Cholesky of A + ε E with proximal steps: what regularising engines do |
 //! | [`cg`], [`minres`] | conjugate gradients and minimum residuals, in the frame of [`krylov`] |
-//! | [`eigen`] | the eigendecomposition behind both, with its rank cut |
+//! | [`eigen`] | the eigendecomposition behind both, with its rank cut; anew or carried |
 //! | [`params`], [`info`], [`error`] | what is asked, what came out, what was wrong with the input |
 //! | [`time_law`] | scalar laws of time, for drives |
 //! | [`bench`](mod@bench) | all of them side by side, beside the pseudo-inverses of nalgebra and faer |
@@ -62,7 +63,7 @@
 //! | you want | take |
 //! |---|---|
 //! | the multipliers of a step, fast and minimum-norm | `auto`: direct, no state, the same answer whatever came before |
-//! | a second opinion, or ranks near the cut | `pinv` |
+//! | a second opinion, or ranks near the cut | `pinv`; along a trajectory `pinv-tracked`, at half its price |
 //! | the paper's method as published, with its iteration counts | `sr1`; its multipliers are not the minimum-norm ones |
 //! | the paper's idea with minimum norm: 0.2 to 2 iterations a step, A never formed | `sr1-tracked` |
 //! | accelerations only, of a large and well-conditioned system | `cg` or `minres`, warm: the fewest products, any null part |
@@ -132,6 +133,7 @@ pub mod minres;
 pub mod null_space;
 pub mod params;
 pub mod pinv;
+pub mod pinv_tracked;
 pub mod problem;
 pub mod quasi_newton;
 pub mod regularised;

@@ -110,10 +110,12 @@ impl NullSpace {
                 }
             }
             let mut off = 0.0_f64;
-            for (at, entry) in self.gram.iter_mut().enumerate() {
-                let unit = f64::from(u8::from(at % (d + 1) == 0));
-                off = off.max((*entry - unit).abs());
-                *entry = 1.5 * unit - 0.5 * *entry;
+            for (col, column) in self.gram.chunks_exact_mut(d).enumerate() {
+                for (row, entry) in column.iter_mut().enumerate() {
+                    let unit = f64::from(u8::from(row == col));
+                    off = off.max((*entry - unit).abs());
+                    *entry = 1.5 * unit - 0.5 * *entry;
+                }
             }
             if off > 0.5 || off.is_nan() {
                 return false;

@@ -61,14 +61,7 @@ impl MultiplierSolver for Pinv {
             self.eigen = SymmetricEigen::new(n);
         }
         self.eigen.decompose(problem.matrix(), self.params.rank_cut)?;
-        let inconsistency = self.eigen.solve(problem.rhs(), x);
-        Ok(Info {
-            residual_rel: self.eigen.residual_rel(problem, x),
-            inconsistency: Some(inconsistency),
-            rank: Some(self.eigen.rank()),
-            null_residual: Some(self.eigen.null_residual()),
-            ..Info::trivial(0.0)
-        })
+        Ok(self.eigen.answer(problem, x))
     }
 
     fn reset(&mut self) {}

@@ -10,7 +10,7 @@ use crate::error::Error;
 use crate::info::Info;
 use crate::params::Options;
 use crate::problem::{Needs, Problem};
-use crate::{auto, cg, cholesky, minres, pinv, quasi_newton, regularised, sr1, tracked};
+use crate::{auto, cg, cholesky, minres, pinv, pinv_tracked, quasi_newton, regularised, sr1, tracked};
 
 /// Solves A x = b, one step after another. A solver owns its workspace and whatever it carries between steps.
 ///
@@ -170,6 +170,7 @@ pub static SOLVERS: &[SolverKind] = &[
     quasi_newton::BFGS,
     quasi_newton::DFP,
     pinv::KIND,
+    pinv_tracked::KIND,
     cholesky::KIND,
     regularised::KIND,
     cg::KIND,

@@ -16,7 +16,7 @@ const SEQUENCES: u64 = if cfg!(debug_assertions) { 100 } else { 2000 };
 const THREADS: u64 = 2;
 
 /// Solvers that promise A⁺ b.
-const EXACT: [&str; 3] = ["sr1-tracked", "cholesky", "pinv"];
+const EXACT: [&str; 4] = ["sr1-tracked", "cholesky", "pinv", "pinv-tracked"];
 
 /// Relative error of A⁺ b: A is rounded to ε, which the condition of A, at most 1e8, makes 2e-8; sums of up to 60 terms
 /// and a factor of A on either side of it leave no more than 1e-6.
@@ -167,6 +167,11 @@ fn cholesky_gives_the_minimum_norm() {
 #[test]
 fn pinv_gives_the_minimum_norm() {
     assert_exact("pinv");
+}
+
+#[test]
+fn pinv_tracked_gives_the_minimum_norm() {
+    assert_exact("pinv-tracked");
 }
 
 #[test]

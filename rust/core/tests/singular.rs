@@ -110,6 +110,11 @@ fn pinv_passes_singular_poses() {
     follow_all("pinv");
 }
 
+#[test]
+fn pinv_tracked_passes_singular_poses() {
+    follow_all("pinv-tracked");
+}
+
 fn rank_event(name: &str) {
     for loops in [1, 2, 10] {
         for two_connects in [false, true] {
@@ -138,7 +143,7 @@ fn rank_event(name: &str) {
             let full = 2 * loops;
             assert_eq!(ranks, [full, full, full, loops, full, full, full], "{name} N = {loops}");
             // A carried inverse of another rank is of no use: one refresh in, and one out.
-            if name == "sr1-tracked" {
+            if name.ends_with("-tracked") {
                 assert!(refreshes[3] && refreshes[4], "{name} N = {loops}: {refreshes:?}");
             }
         }
@@ -158,4 +163,9 @@ fn cholesky_follows_the_rank() {
 #[test]
 fn pinv_follows_the_rank() {
     rank_event("pinv");
+}
+
+#[test]
+fn pinv_tracked_follows_the_rank() {
+    rank_event("pinv-tracked");
 }

@@ -1,7 +1,9 @@
 //! The null space of a step: N corrected, H improved on the way and projected.
 
 use super::{CAUTION, Count, Lost, NULL_FLOOR, Tracked};
-use crate::kernels::{BLOCKED, axpy, dot, gemm, gemm_outer, gemm_tr, gemv, norm, rank_one, rank_two};
+use crate::kernels::{
+    BLOCKED, axpy, dot, gemm, gemm_outer, gemm_tr, gemv, multiply, norm, rank_one, rank_two,
+};
 use crate::problem::Problem;
 
 /// Rounds of correction of N before a solve gives up and refreshes. Each contracts by ‖1 − H A‖, and finite termination
@@ -31,7 +33,7 @@ impl Tracked {
         let mut last = f64::INFINITY;
         for round in 0..ROUNDS {
             problem.apply_columns(self.null.basis(), &mut self.image, &mut self.scratch);
-            multiply(&self.carried.inverse, &self.image, &mut self.correction, n);
+            multiply(n, &self.carried.inverse, &self.image, &mut self.correction);
             count.products += 2 * d;
             let size = norm(&self.correction);
             if size.is_nan() {
@@ -140,16 +142,5 @@ impl Tracked {
             axpy(-0.5 * dot(column, &self.hr), column, &mut self.hr);
             rank_two(-1.0, column, &self.hr, &mut self.carried.inverse);
         }
-    }
-}
-
-/// Y = H X, column by column or blocked.
-fn multiply(inverse: &[f64], x: &[f64], y: &mut [f64], n: usize) {
-    if n >= BLOCKED && x.len() > 2 * n {
-        gemm(n, n, inverse, x, y);
-        return;
-    }
-    for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
-        gemv(inverse, x, y);
     }
 }

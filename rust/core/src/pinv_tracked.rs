@@ -1,0 +1,87 @@
+//! The reference, carried: x = A⁺ b from eigenvectors that are refined from step to step.
+//!
+//! The same answer as [`pinv`](crate::pinv) to rounding, at a third of its price: see [`CarriedEigen`].
+
+use crate::eigen::{CarriedEigen, RANK_CUT};
+use crate::error::{Error, check_len};
+use crate::info::Info;
+use crate::params::{Params, Reader};
+use crate::problem::{Needs, Problem};
+use crate::solver::{MultiplierSolver, SolverKind, State};
+
+/// Registry entry.
+pub const KIND: SolverKind = SolverKind {
+    name: PinvTrackedParams::SOLVER,
+    summary: "pseudo-inverse by eigenvectors refined from step to step, to rounding",
+    build: |options| Ok(Box::new(PinvTracked::new(PinvTrackedParams::from_options(options)?))),
+    options: PinvTrackedParams::defaults,
+};
+
+/// Parameters of [`PinvTracked`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PinvTrackedParams {
+    /// Eigenvalues below this part of the largest count as zero; in [0, 1). See [`RANK_CUT`].
+    pub rank_cut: f64,
+}
+
+impl Params for PinvTrackedParams {
+    const SOLVER: &'static str = "pinv-tracked";
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
+        Ok(Self { rank_cut: reader.fraction("rank_cut", RANK_CUT)? })
+    }
+}
+
+/// x = A⁺ b from the eigenvectors of the last step.
+#[derive(Clone)]
+pub struct PinvTracked {
+    params: PinvTrackedParams,
+    carried: CarriedEigen,
+}
+
+impl PinvTracked {
+    /// A solver with these parameters.
+    #[must_use]
+    pub fn new(params: PinvTrackedParams) -> Self {
+        Self { params, carried: CarriedEigen::new(0) }
+    }
+}
+
+impl MultiplierSolver for PinvTracked {
+    fn name(&self) -> &'static str {
+        PinvTrackedParams::SOLVER
+    }
+
+    fn needs(&self) -> Needs {
+        Needs::Dense
+    }
+
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        let n = problem.len();
+        check_len("x", x.len(), &[n])?;
+        if self.carried.len() != n {
+            self.carried = CarriedEigen::new(n);
+        }
+        let rounds = self.carried.decompose(problem.matrix(), self.params.rank_cut)?;
+        let (iterations, refreshed) = (rounds.unwrap_or(0), rounds.is_none());
+        Ok(Info { iterations, refreshed, ..self.carried.eigen().answer(problem, x) })
+    }
+
+    fn reset(&mut self) {
+        self.carried.forget();
+    }
+
+    fn state(&self) -> State {
+        let size = if self.carried.is_fresh() { 0 } else { self.carried.len() };
+        self.carried.save(State::new(self.name(), size))
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        self.carried = CarriedEigen::load(state, PinvTrackedParams::SOLVER)?;
+        Ok(())
+    }
+
+    fn clone_box(&self) -> Box<dyn MultiplierSolver> {
+        Box::new(self.clone())
+    }
+}
