@@ -63,7 +63,7 @@ fn eigenvalues_that_cross_or_stay_together_do_no_harm() {
         let values = |t: f64| {
             // Two that cross at t = 0.1, two that are one, two that are none, others apart.
             let mut values = vec![2.0 + t, 2.1, 0.0, 0.0];
-            values.extend((4..n).map(|i| if i < 6 { 5.0 } else { 6.0 + 0.3 * i as f64 }));
+            values.extend((4..n).map(|i| if i < 6 { 5.0 } else { 6.0 + 0.3 * f64::from(i) }));
             values
         };
         let (worst, anew) = follow(sequence(200, values));
