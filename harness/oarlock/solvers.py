@@ -20,7 +20,7 @@ REFERENCE = "pinv"
 """The solver whose multipliers count as the minimum-norm ones."""
 
 RUN_REFERENCE = "pinv-tracked"
-"""The same along a run: to rounding the answers of ``REFERENCE``, in half its time."""
+"""The same along a run, where the last step's decomposition helps."""
 
 
 def solver_names() -> list[str]:

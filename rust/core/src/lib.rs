@@ -51,19 +51,20 @@
 //!
 //! Time of a solve from the assembled step, as a ratio to the fastest pseudo-inverse by eigendecomposition that nalgebra or
 //! faer offers (given A); n rows of a boat with n/6 pairs of oars, a third of them redundant ([`bench`](mod@bench);
-//! `oarlock bench` measures it anew). All three give the minimum norm, also where rows contradict one another.
+//! `oarlock bench` measures it anew). All of them give the minimum norm, also where rows contradict one another.
 //!
 //! | n | 6 | 12 | 24 | 48 | 96 | 192 |
 //! |---|---|---|---|---|---|---|
 //! | `cholesky` (which `auto` takes) | **0.32** | **0.34** | **0.28** | **0.19** | **0.20** | **0.24** |
 //! | `sr1-tracked` | 1.0 | 0.84 | 0.63 | 0.54 | 0.74 | 0.98 |
 //! | `pinv` | 1.1 | 1.9 | 1.5 | 1.1 | 1.1 | 1.1 |
+//! | `pinv-tracked` | 0.77 | 0.93 | 0.55 | 0.50 | 0.59 | 1.3 |
 //! | `cholesky`, given A and b | 0.25 | 0.24 | 0.22 | 0.14 | 0.14 | 0.16 |
 //!
 //! | you want | take |
 //! |---|---|
 //! | the multipliers of a step, fast and minimum-norm | `auto`: direct, no state, the same answer whatever came before |
-//! | a second opinion, or ranks near the cut | `pinv`; along a trajectory `pinv-tracked`, at half its price |
+//! | a second opinion, or ranks near the cut | `pinv`; along a trajectory `pinv-tracked` |
 //! | the paper's method as published, with its iteration counts | `sr1`; its multipliers are not the minimum-norm ones |
 //! | the paper's idea with minimum norm: 0.2 to 2 iterations a step, A never formed | `sr1-tracked` |
 //! | accelerations only, of a large and well-conditioned system | `cg` or `minres`, warm: the fewest products, any null part |

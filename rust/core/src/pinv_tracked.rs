@@ -1,6 +1,7 @@
 //! The reference, carried: x = A⁺ b from eigenvectors that are refined from step to step.
 //!
-//! The same answer as [`pinv`](crate::pinv) to rounding, at a third of its price: see [`CarriedEigen`].
+//! The same answer as [`pinv`](crate::pinv) to rounding, for less: see [`CarriedEigen`]. Its iterations are the rounds of the
+//! refinement; a step that is decomposed anew has none, and counts as a refresh.
 
 use crate::eigen::{CarriedEigen, RANK_CUT};
 use crate::error::{Error, check_len};
@@ -59,7 +60,7 @@ impl MultiplierSolver for PinvTracked {
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
         let n = problem.len();
         check_len("x", x.len(), &[n])?;
-        if self.carried.len() != n {
+        if self.carried.eigen().len() != n {
             self.carried = CarriedEigen::new(n);
         }
         let rounds = self.carried.decompose(problem.matrix(), self.params.rank_cut)?;
@@ -72,8 +73,7 @@ impl MultiplierSolver for PinvTracked {
     }
 
     fn state(&self) -> State {
-        let size = if self.carried.is_fresh() { 0 } else { self.carried.len() };
-        self.carried.save(State::new(self.name(), size))
+        self.carried.save(self.name())
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {

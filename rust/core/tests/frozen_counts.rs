@@ -71,13 +71,14 @@ fn assert_counts<Step>(problem: &str, steps: &[Step], view: impl Fn(&Step) -> St
 #[test]
 fn boat_of_12_000_steps() {
     let steps: Vec<_> = (0..12_000).map(|k| boat(1e-3 * f64::from(k))).collect();
-    let runs: [Run; 8] = [
+    let runs: [Run; 9] = [
         ("sr1", &[], Counts::new(23_982, 3, 2, 0)),
         ("sr1-classic", &[], Counts::new(11_998, 1, 2, 0)),
         ("bfgs", &[], Counts::new(11_998, 1, 2, 0)),
         ("dfp", &[], Counts::new(11_998, 1, 2, 0)),
         ("sr1-tracked", &[("predict", 0.0)], Counts::new(23_961, 2, 2, 0)),
         ("sr1-tracked", &[("predict", 4.0)], Counts::new(2935, 2, 2, 0)),
+        ("pinv-tracked", &[], Counts::new(15_950, 4, 4, 0)),
         ("cg", &[], Counts::new(23_999, 2, 0, 0)),
         ("minres", &[], Counts::new(23_999, 2, 0, 0)),
     ];
@@ -92,13 +93,14 @@ fn two_four_bar_loops_of_10_000_steps() {
     let states = trajectory(2, &times);
     let steps: Vec<_> =
         states.into_iter().map(|(theta, speed)| NFourBar::new(2, theta, speed, true)).collect();
-    let runs: [Run; 8] = [
+    let runs: [Run; 9] = [
         ("sr1", &[], Counts::new(25_578, 4, 2, 1)),
         ("sr1-classic", &[], Counts::new(24_155, 3, 2, 1)),
         ("bfgs", &[], Counts::new(24_098, 3, 2, 1)),
         ("dfp", &[], Counts::new(24_083, 3, 2, 1)),
         ("sr1-tracked", &[("predict", 0.0)], Counts::new(26_482, 9, 11, 0)),
         ("sr1-tracked", &[("predict", 4.0)], Counts::new(12_154, 9, 11, 0)),
+        ("pinv-tracked", &[], Counts::new(20_035, 4, 2, 0)),
         ("cg", &[], Counts::new(39_872, 6, 0, 0)),
         ("minres", &[], Counts::new(39_874, 6, 0, 0)),
     ];

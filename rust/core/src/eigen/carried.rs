@@ -65,24 +65,6 @@ impl CarriedEigen {
         Self { eigen, past, image: square(), form: square(), gram: square() }
     }
 
-    /// The size it was made for.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.eigen.len()
-    }
-
-    /// Whether it was made for size 0.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.eigen.is_empty()
-    }
-
-    /// Whether there is no earlier matrix.
-    #[must_use]
-    pub const fn is_fresh(&self) -> bool {
-        self.past.is_empty()
-    }
-
     /// The decomposition of the last matrix.
     pub fn eigen(&mut self) -> &mut SymmetricEigen {
         &mut self.eigen
@@ -108,13 +90,14 @@ impl CarriedEigen {
         Ok(rounds)
     }
 
-    /// Adds itself to a saved state of its size.
+    /// As a saved state of the solver of that name; empty without an earlier matrix.
     #[must_use]
-    pub fn save(&self, state: State) -> State {
+    pub fn save(&self, solver: &str) -> State {
         if self.past.is_empty() {
-            return state;
+            return State::new(solver, 0);
         }
-        self.past.save(state.with("rank", &[self.eigen.rank as f64]), "vectors")
+        let state = State::new(solver, self.eigen.len()).with("rank", &[self.eigen.rank as f64]);
+        self.past.save(state, "vectors")
     }
 
     /// From a saved state.
