@@ -101,8 +101,6 @@ pub struct Cholesky {
     /// For faer: inverse of the pivots, scratch.
     unpivots: Vec<usize>,
     scratch: MemBuffer,
-    /// What the processor can do.
-    arch: pulp::Arch,
 }
 
 impl Clone for Cholesky {
@@ -134,7 +132,6 @@ impl Cholesky {
             found: Found::full(0, 0.0),
             unpivots: Vec::new(),
             scratch: MemBuffer::new(StackReq::EMPTY),
-            arch: pulp::Arch::new(),
         }
     }
 
@@ -159,7 +156,6 @@ impl Cholesky {
                 found: Found::full(0, 0.0),
                 unpivots: vec![0; n],
                 scratch: MemBuffer::new(pivoted.or(plain)),
-                arch: self.arch,
             };
         }
     }
@@ -439,10 +435,8 @@ impl Cholesky {
         wanted: Wanted,
         x: &mut [f64],
     ) -> Found {
-        let found = self.arch.dispatch(|| {
-            let Self { params, pivots, outside, .. } = self;
-            small::solve::<N>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside)
-        });
+        let Self { params, pivots, outside, .. } = self;
+        let found = small::solve::<N>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside);
         // Code for it in there would cost all others a tenth by its mere presence.
         if found.wants_refining(N) { self.run(matrix, rhs, wanted, x) } else { found }
     }

@@ -20,6 +20,25 @@ pub fn vectorised<R>(kernels: impl FnOnce() -> R) -> R {
     result
 }
 
+/// Runs `work` as compiled for the processor's widest vectors, which never fuses or reorders a sum: the bits stay the same.
+///
+/// The closure must be `#[inline(always)]`, and so must be what it calls that is to be wide: code that is only called from
+/// here is compiled for the oldest processor. It is taken as `FnMut`, for the shim that makes a `FnOnce` of it is a call too.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub fn widest<R>(work: impl FnMut() -> R) -> R {
+    struct Wide<F>(F);
+    impl<R, F: FnMut() -> R> pulp::WithSimd for Wide<F> {
+        type Output = R;
+
+        #[inline(always)]
+        fn with_simd<S: pulp::Simd>(mut self, _: S) -> R {
+            (self.0)()
+        }
+    }
+    pulp::Arch::new().dispatch(Wide(work))
+}
+
 /// Calls a function generic in the size for sizes 1 to 8, and another for the rest.
 macro_rules! by_size {
     ($n:expr, $($fixed:ident)::+($($arg:expr),*), $dynamic:expr) => {
@@ -208,23 +227,16 @@ fn multiply_tr_dynamic(n: usize, a: &[f64], x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// As a sum over the rows, as in `gram_fixed`.
 #[allow(clippy::inline_always)]
 #[inline(always)]
 fn multiply_tr_fixed<const N: usize>(a: &[f64], x: &[f64], y: &mut [f64]) {
-    let mut sum = [[0.0; N]; N];
-    for k in 0..N {
-        let left: [f64; N] = std::array::from_fn(|col| a[col * N + k]);
-        let right: [f64; N] = std::array::from_fn(|col| x[col * N + k]);
-        for (column, factor) in sum.iter_mut().zip(right) {
-            for (entry, other) in column.iter_mut().zip(left) {
-                *entry += factor * other;
-            }
+    let mut transposed = [[0.0; N]; N];
+    for (col, column) in a.chunks_exact(N).take(N).enumerate() {
+        for (row, &entry) in column.iter().enumerate() {
+            transposed[row][col] = entry;
         }
     }
-    for (column, from) in y.chunks_exact_mut(N).zip(&sum) {
-        column.copy_from_slice(from);
-    }
+    multiply_fixed::<N>(transposed.as_flattened(), x, y);
 }
 
 /// Y = Aᵀ X with A (`inner×rows`) and X (`inner×cols`).

@@ -4,6 +4,8 @@
 //! last of them a row is taken as full. Sums run in order, so that leaving zeros out at both ends does not change a bit; and
 //! spans are exact at every step, so that what is computed depends on the step alone.
 
+use crate::kernels::widest;
+
 /// Up to this length rows are taken whole: looking for zeros costs more than they do.
 const SHORT: usize = 8;
 
@@ -28,16 +30,23 @@ impl Spans {
             return rows.iter().fold(true, |finite, entry| finite & entry.is_finite());
         }
         // A pass over all of J, for which the processor's widest vectors are worth asking.
-        pulp::Arch::new().dispatch(|| {
-            let (mut inside, mut finite) = (0, true);
-            for (index, row) in rows.chunks_exact(self.width).enumerate() {
-                for entry in self.cut(index, row) {
-                    inside += u64::from(*entry != 0.0);
-                    finite &= entry.is_finite();
-                }
+        widest(
+            #[inline(always)]
+            || self.hold_finite(rows),
+        )
+    }
+
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn hold_finite(&self, rows: &[f64]) -> bool {
+        let (mut inside, mut finite) = (0, true);
+        for (index, row) in rows.chunks_exact(self.width).enumerate() {
+            for entry in self.cut(index, row) {
+                inside += u64::from(*entry != 0.0);
+                finite &= entry.is_finite();
             }
-            finite && inside == rows.iter().map(|entry| u64::from(*entry != 0.0)).sum::<u64>()
-        })
+        }
+        finite && inside == rows.iter().map(|entry| u64::from(*entry != 0.0)).sum::<u64>()
     }
 
     /// Finds the spans; those that are `known` to hold are only trimmed. Whether they changed.

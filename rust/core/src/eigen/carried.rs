@@ -22,7 +22,7 @@ use nalgebra::DMatrix;
 use super::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
 use crate::error::Error;
 use crate::history::History;
-use crate::kernels::{axpy, by_size, gram, largest, multiply, multiply_tr, norm};
+use crate::kernels::{axpy, by_size, gram, largest, multiply, multiply_tr, norm, widest};
 use crate::solver::State;
 
 /// E beyond which the eigenvectors are not near enough to be refined.
@@ -54,6 +54,8 @@ pub struct CarriedEigen {
     form: Vec<f64>,
     /// `UᵀU`.
     gram: Vec<f64>,
+    /// The sums over E.
+    shifts: Vec<f64>,
 }
 
 impl CarriedEigen {
@@ -62,7 +64,7 @@ impl CarriedEigen {
     pub fn new(n: usize) -> Self {
         let square = || vec![0.0; n * n];
         let (eigen, past) = (SymmetricEigen::new(n), History::new(HISTORY, n * n));
-        Self { eigen, past, image: square(), form: square(), gram: square() }
+        Self { eigen, past, image: square(), form: square(), gram: square(), shifts: vec![0.0; n] }
     }
 
     /// The decomposition of the last matrix.
@@ -157,7 +159,10 @@ impl CarriedEigen {
 
     /// For the processor's widest vectors.
     fn turn_fixed<const N: usize>(&mut self, matrix: &[f64]) -> (f64, bool) {
-        pulp::Arch::new().dispatch(|| self.turn_sized(N, matrix))
+        widest(
+            #[inline(always)]
+            || self.turn_sized(N, matrix),
+        )
     }
 
     #[allow(clippy::inline_always)] // so that the size is known, and the vectors are as wide as the caller's
@@ -171,15 +176,14 @@ impl CarriedEigen {
             *value = self.form[i * (n + 1)] / self.gram[i * (n + 1)];
         }
         let null = n - self.eigen.rank;
+        let (form, gram) = (&self.form[..n * n], &self.gram[..n * n]);
         let (mut most, mut square) = (0.0_f64, 0.0);
         for col in 0..n {
-            self.image[col * (n + 1)] = 0.5 * (1.0 - self.gram[col * (n + 1)]);
             for row in 0..col {
-                let entry = self.form[col * n + row];
+                let (entry, rest) = (form[col * n + row], -gram[col * n + row]);
                 if col < null {
                     square += 2.0 * entry * entry;
                 } else {
-                    let rest = -self.gram[col * n + row];
                     most =
                         most.max((entry + values[col] * rest).abs()).max((entry + values[row] * rest).abs());
                 }
@@ -189,21 +193,24 @@ impl CarriedEigen {
         self.eigen.dropped = (dropped + square).sqrt();
         let rounding = n as f64 * f64::EPSILON * largest(values);
         let apart = APART * most;
+        let (turns, shifts) = (&mut self.image[..n * n], &mut self.shifts[..n]);
+        shifts.fill(0.0);
         let mut coupled = false;
         for col in 0..n {
+            turns[col * (n + 1)] = 0.5 * (1.0 - gram[col * (n + 1)]);
             for row in 0..col {
                 let (at, mirrored) = (col * n + row, row * n + col);
-                let (entry, rest) = (self.form[at], -self.gram[at]);
+                let (entry, rest) = (form[at], -gram[at]);
                 let (off, other) = (entry + values[col] * rest, entry + values[row] * rest);
                 let gap = values[col] - values[row];
                 let turn = off / gap;
                 // −other / gap, but for a rounding that would cost orthogonality where the gap is small.
                 let back = rest - turn;
                 let sound = off.abs().max(other.abs()) > rounding;
-                let turns = if sound { gap.abs() > apart } else { turn.abs().max(back.abs()) <= SLIGHT };
-                (self.image[at], self.image[mirrored]) = if turns && col >= null {
-                    values[col] += off * turn;
-                    values[row] += other * back;
+                let told = if sound { gap.abs() > apart } else { turn.abs().max(back.abs()) <= SLIGHT };
+                (turns[at], turns[mirrored]) = if told && col >= null {
+                    shifts[col] += off * turn;
+                    shifts[row] += other * back;
                     (turn, back)
                 } else {
                     coupled |= sound && col >= null;
@@ -211,6 +218,7 @@ impl CarriedEigen {
                 };
             }
         }
+        axpy(1.0, shifts, values);
         let turned = norm(&self.image);
         multiply(n, vectors, &self.image, &mut self.form);
         axpy(1.0, &self.form, vectors);
