@@ -7,17 +7,21 @@
 //! where steps are not equal, as at the stages of a Runge–Kutta method, the lowest order wins by itself.
 
 use crate::error::Error;
-use crate::kernels::{axpy, norm};
 use crate::solver::State;
 
 /// Values kept at most.
-pub const LONGEST: usize = 4;
+pub const LONGEST: usize = 5;
+
+/// Entries that are worked on together: vectors are filled up with zeros to whole ones.
+const LANES: usize = 4;
 
 /// The last values of a vector (or of a matrix, flat), as divided differences.
 #[derive(Debug, Clone, Default)]
 pub struct History {
-    /// Dₖ = f[t₀, …, tₖ], t₀ the newest: each hangs on the last k + 1 values only.
-    differences: [Vec<f64>; LONGEST],
+    /// Dₖ = f[t₀, …, tₖ], t₀ the newest, of a few entries after another: each hangs on the last k + 1 values only.
+    differences: Vec<[[f64; LANES]; LONGEST]>,
+    /// Length of a value.
+    len: usize,
     kept: usize,
     /// Values that are kept at most.
     most: usize,
@@ -25,20 +29,18 @@ pub struct History {
     ages: [f64; LONGEST],
     /// Steps since the newest value.
     ahead: f64,
-    /// How far each order was off lately, and the node polynomial ∏ (t − tⱼ) where it was; 0 before it was tried.
+    /// How far each order was off lately, squared, and the node polynomial ∏ (t − tⱼ) where it was; 0 before it was tried.
     misses: [f64; LONGEST],
     nodes: [f64; LONGEST],
-    work: Vec<f64>,
 }
 
 impl History {
     /// Of at most `most` values of at most `len` numbers.
     #[must_use]
     pub fn new(most: usize, len: usize) -> Self {
-        let vector = || Vec::with_capacity(len);
-        let differences = std::array::from_fn(|order| if order < most { vector() } else { Vec::new() });
         let most = most.min(LONGEST);
-        Self { differences, most, work: vector(), ..Self::default() }
+        let room = if most == 0 { 0 } else { len.div_ceil(LANES) };
+        Self { differences: Vec::with_capacity(room), most, ..Self::default() }
     }
 
     /// Forgets everything; values have `len` numbers from now on.
@@ -47,8 +49,11 @@ impl History {
         self.ahead = 0.0;
         self.misses = [0.0; LONGEST];
         self.nodes = [0.0; LONGEST];
-        self.work.resize(len, 0.0);
-        self.differences[..self.most].iter_mut().for_each(|difference| difference.resize(len, 0.0));
+        self.len = len;
+        self.differences.clear();
+        if self.most > 0 {
+            self.differences.resize(len.div_ceil(LANES), Default::default());
+        }
     }
 
     /// Whether there is nothing to extrapolate from.
@@ -69,9 +74,14 @@ impl History {
         })
     }
 
-    /// ∏ (t − tⱼ) over the nodes of an order, to which the error of the extrapolation is proportional.
-    fn node_polynomial(&self, order: usize) -> f64 {
-        self.ages[..=order].iter().map(|age| self.ahead + age).product()
+    /// ∏ (t − tⱼ) over the nodes before each order, and over its own too, to which the error of its extrapolation is
+    /// proportional.
+    fn node_polynomials(&self) -> [f64; LONGEST + 1] {
+        let mut nodes = [1.0; LONGEST + 1];
+        for (order, age) in self.ages.iter().enumerate() {
+            nodes[order + 1] = nodes[order] * (self.ahead + age);
+        }
+        nodes
     }
 
     /// The value to be expected now; nothing without a past.
@@ -79,11 +89,22 @@ impl History {
         if self.kept == 0 {
             return;
         }
-        out.copy_from_slice(&self.differences[0]);
-        let mut nodes = 1.0;
-        for order in 1..=self.order() {
-            nodes *= self.ahead + self.ages[order - 1];
-            axpy(nodes, &self.differences[order], out);
+        let (nodes, order) = (self.node_polynomials(), self.order());
+        let value = |differences: &[[f64; LANES]; LONGEST]| {
+            let mut value = differences[0];
+            for (difference, factor) in differences[..=order].iter().zip(nodes).skip(1) {
+                for (entry, difference) in value.iter_mut().zip(difference) {
+                    *entry += factor * difference;
+                }
+            }
+            value
+        };
+        let (chunks, rest) = out.as_chunks_mut();
+        for (chunk, differences) in chunks.iter_mut().zip(&self.differences) {
+            *chunk = value(differences);
+        }
+        if let Some(differences) = self.differences.get(chunks.len()) {
+            rest.copy_from_slice(&value(differences)[..rest.len()]);
         }
     }
 
@@ -94,7 +115,7 @@ impl History {
         if self.kept < self.most || self.nodes[order] == 0.0 {
             return f64::INFINITY;
         }
-        self.misses[order] * self.node_polynomial(order) / self.nodes[order]
+        self.misses[order].sqrt() * self.node_polynomials()[order + 1] / self.nodes[order]
     }
 
     /// Takes the value of now, and sees how far each order missed it.
@@ -102,29 +123,58 @@ impl History {
         if self.most == 0 {
             return;
         }
-        // The difference that falls out makes room for the new value; the others move up by one before they are renewed.
-        self.differences[..self.most].rotate_right(1);
-        self.work.copy_from_slice(value);
-        let mut nodes = 1.0;
-        for order in 0..self.kept {
-            let next = (order + 1) % self.most;
-            axpy(-nodes, &self.differences[next], &mut self.work);
-            nodes *= self.ahead + self.ages[order];
-            self.misses[order] = norm(&self.work).max(0.5 * self.misses[order]).min(f64::MAX);
-            self.nodes[order] = nodes;
-            if next > 0 {
-                let part = nodes.recip();
-                for (difference, miss) in self.differences[next].iter_mut().zip(&self.work) {
-                    *difference = part * miss;
-                }
-            }
+        debug_assert_eq!(value.len(), self.len, "a value of another length");
+        let nodes = self.node_polynomials();
+        let squares = match self.kept {
+            0 => self.renew::<0>(value, &nodes),
+            1 => self.renew::<1>(value, &nodes),
+            2 => self.renew::<2>(value, &nodes),
+            3 => self.renew::<3>(value, &nodes),
+            4 => self.renew::<4>(value, &nodes),
+            _ => self.renew::<LONGEST>(value, &nodes),
+        };
+        let (kept, most) = (self.kept, self.most);
+        for order in 0..kept {
+            let [a, b, c, d] = squares[order];
+            self.misses[order] = ((a + c) + (b + d)).max(0.25 * self.misses[order]).min(f64::MAX);
+            self.nodes[order] = nodes[order + 1];
         }
-        self.differences[0].copy_from_slice(value);
         self.ages.rotate_right(1);
         self.ages.iter_mut().for_each(|age| *age += self.ahead);
         self.ages[0] = 0.0;
         self.ahead = 0.0;
-        self.kept = (self.kept + 1).min(self.most);
+        self.kept = (kept + 1).min(most);
+    }
+
+    /// Renews all differences; gives the squares of how far the `KEPT` orders missed the value. One pass, in which a few entries
+    /// go through all orders, whose number is known, without leaving the registers.
+    fn renew<const KEPT: usize>(
+        &mut self,
+        value: &[f64],
+        nodes: &[f64; LONGEST + 1],
+    ) -> [[f64; LANES]; LONGEST] {
+        let parts: [f64; LONGEST] = std::array::from_fn(|order| nodes[order + 1].recip());
+        let mut squares = [[0.0; LANES]; LONGEST];
+        let more = KEPT < self.most;
+        for (differences, chunk) in self.differences.iter_mut().zip(value.chunks(LANES)) {
+            let mut miss = *chunk.first_chunk().unwrap_or(&[0.0; LANES]);
+            if chunk.len() < LANES {
+                miss[..chunk.len()].copy_from_slice(chunk);
+            }
+            let mut renewed = miss;
+            for order in 0..KEPT {
+                for lane in 0..LANES {
+                    miss[lane] -= nodes[order] * differences[order][lane];
+                    squares[order][lane] += miss[lane] * miss[lane];
+                }
+                differences[order] = renewed;
+                renewed = miss.map(|miss| parts[order] * miss);
+            }
+            if more && KEPT < LONGEST {
+                differences[KEPT] = renewed;
+            }
+        }
+        squares
     }
 
     /// Adds itself to a saved state, as two fields.
@@ -134,7 +184,11 @@ impl History {
         for part in [&self.ages, &self.misses, &self.nodes] {
             track.extend_from_slice(part);
         }
-        state.with(name, &self.differences[..self.kept].concat()).with(&format!("{name}_track"), &track)
+        let mut values = Vec::with_capacity(self.kept * self.len);
+        for order in 0..self.kept {
+            values.extend(self.differences.iter().flat_map(|differences| differences[order]).take(self.len));
+        }
+        state.with(name, &values).with(&format!("{name}_track"), &track)
     }
 
     /// Takes values of `len` numbers from a saved state, at least `least` of them.
@@ -161,10 +215,9 @@ impl History {
         {
             part.copy_from_slice(saved);
         }
-        if len > 0 {
-            for (difference, saved) in self.differences.iter_mut().zip(state.field(name).chunks_exact(len)) {
-                difference.copy_from_slice(saved);
-            }
+        for (index, &saved) in state.field(name).iter().enumerate() {
+            let (order, entry) = (index / len, index % len);
+            self.differences[entry / LANES][order][entry % LANES] = saved;
         }
         Ok(())
     }
@@ -181,12 +234,14 @@ mod tests {
 
     #[test]
     fn a_polynomial_is_continued_by_the_order_that_it_needs_over_any_steps() {
-        for degree in 0..4 {
-            let value = |t: i32| [f64::from(t.pow(degree)), 1.0];
-            let mut history = History::new(LONGEST, 2);
-            history.restart(2);
+        for degree in 0..5 {
+            // Seven numbers: more than are worked on together, and not a multiple of them.
+            let value =
+                |t: i32| std::array::from_fn::<_, 7, _>(|i| i as f64 * f64::from(t.pow(degree)) + 1.0);
+            let mut history = History::new(LONGEST, 7);
+            history.restart(7);
             assert!(history.is_empty() && history.expected_miss().is_infinite());
-            let mut next = [0.0; 2];
+            let mut next = [0.0; 7];
             // Values at 0, 1, 3, 6, 10, …
             let mut now = 0;
             for gap in 1..9 {
@@ -196,11 +251,9 @@ mod tests {
             }
             history.advance();
             history.predict(&mut next);
-            let [expected, one] = value(now);
-            assert!(
-                (next[0] - expected).abs() <= 1e-11 * expected && (next[1] - one).abs() < 1e-13,
-                "{degree}"
-            );
+            for (next, expected) in next.iter().zip(value(now)) {
+                assert!((next - expected).abs() <= 1e-11 * expected, "{degree}: {next}, not {expected}");
+            }
         }
     }
 

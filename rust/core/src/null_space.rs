@@ -8,14 +8,11 @@
 //! Matrices*, §8.3).
 
 use crate::error::Error;
-use crate::history::History;
+use crate::history::{History, LONGEST};
 use crate::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr};
 use crate::params::Params;
 use crate::solver::State;
 use crate::tracked::TrackedParams;
-
-/// Bases kept: the present one and those it is extrapolated from.
-const HISTORY: usize = 3;
 
 /// The basis, with those of earlier steps.
 #[derive(Debug, Clone, Default)]
@@ -34,7 +31,7 @@ impl NullSpace {
     #[must_use]
     pub fn new(n: usize) -> Self {
         let full = || Vec::with_capacity(n * n);
-        Self { n, d: 0, basis: full(), past: History::new(HISTORY, n * n), gram: full(), work: full() }
+        Self { n, d: 0, basis: full(), past: History::new(LONGEST, n * n), gram: full(), work: full() }
     }
 
     /// Dimension d of the null space.

@@ -179,7 +179,7 @@ fn a_state_without_a_past_in_its_null_space_is_refused() {
     let mut state = state_of(kind);
     state.fields.get_mut("null_differences_track").expect("saved")[0] = 0.0;
     let error = make(kind).restore(&state).unwrap_err().to_string();
-    let reason = "a count is 0, expected a whole number from 1 to 3";
+    let reason = "a count is 0, expected a whole number from 1 to 5";
     assert_eq!(error, format!("solver 'sr1-tracked' cannot take the state: {reason}"));
 }
 
