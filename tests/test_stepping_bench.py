@@ -5,7 +5,7 @@ import json
 import pytest
 from oarlock import InputError, native_path
 from oarlock.cli import main
-from oarlock.stepping_bench import BARE, bench_stepping
+from oarlock.stepping_bench import BARE, RUNS, bench_stepping
 
 
 def test_everyone_takes_part():
@@ -16,6 +16,10 @@ def test_everyone_takes_part():
     assert all(row["step_us"] > 0 and row["ratio"] > 0 for row in table)
     for part in ("exact free run, auto", "exact free run, sr1-tracked", "lockstep", "Python path", "on all cores"):
         assert any(part in name for name in by_name), part
+    assert {row["name"] for row in table if row["speedup"]} == {
+        f"{RUNS} runs, on all cores",
+        f"{RUNS} runs of {BARE}, on all cores",
+    }
     # Of MuJoCo's settings one is the fastest, by the median.
     bare = [row for row in table if row["name"].startswith(BARE)]
     assert min(row["step_us"] for row in bare) == pytest.approx(

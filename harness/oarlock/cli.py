@@ -307,10 +307,11 @@ def _print_growth(grown: dict[str, Any]) -> None:
 def _print_stepping_bench(rows: list[dict[str, Any]]) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False, title=rows[0]["model"], title_justify="left")
     table.add_column("a step of", no_wrap=True)
-    for title in ("time", "to mj_step", "to its fastest setting"):
+    for title in ("time", "to mj_step", "to its fastest setting", "cores gain"):
         table.add_column(title, justify="right", no_wrap=True)
     for row in rows:
-        ratios = (f"{row['ratio']:.2f}", f"{row['ratio_to_fastest']:.2f}")
+        gain = f"{row['speedup']:.2f} ×" if row["speedup"] else ""
+        ratios = (f"{row['ratio']:.2f}", f"{row['ratio_to_fastest']:.2f}", gain)
         table.add_row(row["name"], f"{row['step_us']:.2f} µs", *ratios)
     (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
 

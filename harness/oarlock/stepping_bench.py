@@ -39,6 +39,7 @@ _SWITCHES = {
     ", no islands": {"islands": False},
     ", no islands, no timers": {"islands": False, "timers": False},
 }
+_APART, _TOGETHER = ", one after another", ", on all cores"
 _ISLANDS_OFF = mujoco.mjtDisableBit.mjDSBL_ISLAND
 
 _SPOOLS = partial(spools, schema=SCHEMA)
@@ -87,8 +88,8 @@ class Track:
             **exact,
             "lockstep, sr1-tracked, all figures, recorded": self._lockstep(),
             "the same on the Python path": self._python(),
-            f"{RUNS} runs, one after another": self._many(together=False),
-            f"{RUNS} runs, on all cores": self._many(together=True),
+            **self._many(f"{RUNS} runs", self._recorded()),
+            **self._many(f"{RUNS} runs of {BARE}", self._bare()),
         }
 
     def _setup(self, jacobian: mujoco.mjtJacobian = _JACOBIANS["dense"], islands: bool = True) -> Setup:
@@ -147,17 +148,27 @@ class Track:
         tracked = (SolverSpec("sr1-tracked"),)
         return lambda: self._timed(lambda: path.lockstep(SolverSpec(MUJOCO), None, ("hard",), tracked))
 
-    def _many(self, *, together: bool) -> Contender:
+    def _recorded(self) -> Callable[[], _core.Run]:
         core = self._path(self._setup()).core
         own, reference = self._make(SolverSpec("auto")), self._make(SolverSpec(RUN_REFERENCE))
+        return lambda: core.free_solved(self.steps, "hard", own, reference)
 
-        def once() -> float:
-            runs = [core.free_solved(self.steps, "hard", own, reference) for _ in range(RUNS)]
-            if together:
-                return self._timed(lambda: _core.advance_all(runs, self.steps)) / RUNS
+    def _bare(self) -> Callable[[], _core.Run]:
+        core = self._path(self._setup(_JACOBIANS["auto"])).core
+        return lambda: core.bare(self.steps)
+
+    def _many(self, name: str, make: Callable[[], _core.Run]) -> dict[str, Contender]:
+        """Runs one after another and on all cores. Those of ``mj_step`` say what the machine allows."""
+
+        def one_after_another() -> float:
+            runs = [make() for _ in range(RUNS)]
             return self._timed(lambda: [run.advance(self.steps) for run in runs]) / RUNS
 
-        return once
+        def on_all_cores() -> float:
+            runs = [make() for _ in range(RUNS)]
+            return self._timed(lambda: _core.advance_all(runs, self.steps)) / RUNS
+
+        return {name + _APART: one_after_another, name + _TOGETHER: on_all_cores}
 
     def _timed(self, work: Callable[[], Any]) -> float:
         began = time.perf_counter()
@@ -170,8 +181,8 @@ def bench_stepping(
 ) -> Iterator[list[dict[str, Any]]]:
     """The table of each model as soon as it is measured.
 
-    Every row has model, name, step_us (median), ratio to bare ``mj_step`` and ratio_to_fastest, to its fastest setting
-    (medians of the ratios of each round).
+    Every row has model, name, step_us (median), ratio to bare ``mj_step``, ratio_to_fastest, to its fastest setting,
+    and speedup, of runs on all cores over the same one after another, else None (medians of the ratios of each round).
 
     Raises:
         InputError: the native path cannot be taken, or there is no such model.
@@ -196,6 +207,7 @@ def bench_stepping(
                 "step_us": 1e6 * statistics.median(times[name]),
                 "ratio": ratio(name, BARE),
                 "ratio_to_fastest": ratio(name, fastest),
+                "speedup": ratio(name.replace(_TOGETHER, _APART), name) if name.endswith(_TOGETHER) else None,
             }
             for name in contenders
         ]
