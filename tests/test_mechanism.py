@@ -150,6 +150,15 @@ def test_unusable_models_are_refused_in_one_line(tmp_path, xml, message):
     assert "\n" not in text
 
 
+def test_a_callback_that_stops_the_compiler_is_named():
+    mujoco.set_mjcb_passive(lambda model, data: None)
+    try:
+        with pytest.raises(InputError, match=r"MuJoCo refuses it: .*; the process has set mjcb_passive, expected no"):
+            load_model(load_case("four_bar").model_path)
+    finally:
+        mujoco.set_mjcb_passive(None)
+
+
 def test_missing_model_is_named(tmp_path):
     with pytest.raises(InputError, match=r"no model file '.*gone\.xml'"):
         load_model(tmp_path / "gone.xml")

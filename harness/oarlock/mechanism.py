@@ -48,7 +48,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     except InputError:
         raise
     except (ValueError, mujoco.FatalError) as error:
-        raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}") from None
+        raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}{_callbacks()}") from None
     for text in said:
         if "NaN" in text:  # MuJoCo takes a NaN for a number that was left out, or computes with it
             raise InputError(f"{path}: {_attribute_with_nan(path)} is not a number, expected finite numbers only")
@@ -59,6 +59,13 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
         raise InputError(f"{path}: no joint, expected a mechanism that can move")
     _require_sound(path, model)
     return model
+
+
+def _callbacks() -> str:
+    """What to know of an error where callbacks are set: MuJoCo's compiler calls them, for a model unknown to Python."""
+    getters = {name[4:]: getattr(mujoco, name) for name in dir(mujoco) if name.startswith("get_mjcb_")}
+    names = [name for name, get in getters.items() if get() is not None]
+    return f"; the process has set {', '.join(names)}, expected no callbacks: take them back" if names else ""
 
 
 @contextmanager
