@@ -21,21 +21,22 @@ use nalgebra::DMatrix;
 
 use super::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
 use crate::error::Error;
-use crate::history::History;
+use crate::history::{History, LONGEST};
 use crate::kernels::{axpy, by_size, gram, largest, multiply, multiply_tr, norm, widest};
 use crate::solver::State;
 
 /// E beyond which the eigenvectors are not near enough to be refined.
 const FAR: f64 = 0.1;
 
-/// Eigenvalues are told apart where their gap is this many times the largest entry that is to vanish.
+/// Eigenvalues are told apart where their gap is this many times what couples them …
 const APART: f64 = 10.0;
+
+/// … and this many times what the turns of all others leave between them, of second order. With the largest coupling of all
+/// in place of both, mechanisms of equal legs were decomposed anew at every step: their eigenvalues come in clusters.
+const CLEAR: f64 = 100.0;
 
 /// What rounding says of a pair is followed where it turns the vectors by no more than this: squared it vanishes.
 const SLIGHT: f64 = 1e-9;
-
-/// Decompositions kept, which the next is extrapolated from.
-const HISTORY: usize = 3;
 
 /// Rounds of a refinement: 0.1, 1e-2, 1e-4 and 1e-8 are squared to rounding.
 const ROUNDS: usize = 4;
@@ -63,7 +64,7 @@ impl CarriedEigen {
     #[must_use]
     pub fn new(n: usize) -> Self {
         let square = || vec![0.0; n * n];
-        let (eigen, past) = (SymmetricEigen::new(n), History::new(HISTORY, n * n));
+        let (eigen, past) = (SymmetricEigen::new(n), History::new(LONGEST, n * n));
         Self { eigen, past, image: square(), form: square(), gram: square(), shifts: vec![0.0; n] }
     }
 
@@ -191,8 +192,9 @@ impl CarriedEigen {
         }
         let dropped = values[..null].iter().map(|value| value * value).sum::<f64>();
         self.eigen.dropped = (dropped + square).sqrt();
-        let rounding = n as f64 * f64::EPSILON * largest(values);
-        let apart = APART * most;
+        let scale = largest(values);
+        let rounding = n as f64 * f64::EPSILON * scale;
+        let apart = CLEAR * most * most / scale;
         let (turns, shifts) = (&mut self.image[..n * n], &mut self.shifts[..n]);
         shifts.fill(0.0);
         let mut coupled = false;
@@ -206,8 +208,13 @@ impl CarriedEigen {
                 let turn = off / gap;
                 // −other / gap, but for a rounding that would cost orthogonality where the gap is small.
                 let back = rest - turn;
-                let sound = off.abs().max(other.abs()) > rounding;
-                let told = if sound { gap.abs() > apart } else { turn.abs().max(back.abs()) <= SLIGHT };
+                let size = off.abs().max(other.abs());
+                let sound = size > rounding;
+                let told = if sound {
+                    gap.abs() > apart.max(APART * size)
+                } else {
+                    turn.abs().max(back.abs()) <= SLIGHT
+                };
                 (turns[at], turns[mirrored]) = if told && col >= null {
                     shifts[col] += off * turn;
                     shifts[row] += other * back;
