@@ -31,8 +31,9 @@ const FAR: f64 = 0.1;
 /// Eigenvalues are told apart where their gap is this many times what couples them …
 const APART: f64 = 10.0;
 
-/// … and this many times what the turns of all others leave between them, of second order. With the largest coupling of all
-/// in place of both, mechanisms of equal legs were decomposed anew at every step: their eigenvalues come in clusters.
+/// … and this many times Σ off² / λₙ, what the turns of all pairs may leave between them, of second order. With the largest
+/// coupling of all in place of both, mechanisms of equal legs were decomposed anew at every step, for their eigenvalues come
+/// in clusters; with less of it, eigenvalues that are equal are turned by rounding.
 const CLEAR: f64 = 100.0;
 
 /// What rounding says of a pair is followed where it turns the vectors by no more than this: squared it vanishes.
@@ -178,15 +179,15 @@ impl CarriedEigen {
         }
         let null = n - self.eigen.rank;
         let (form, gram) = (&self.form[..n * n], &self.gram[..n * n]);
-        let (mut most, mut square) = (0.0_f64, 0.0);
+        let (mut coupling, mut square) = (0.0, 0.0);
         for col in 0..n {
             for row in 0..col {
                 let (entry, rest) = (form[col * n + row], -gram[col * n + row]);
                 if col < null {
                     square += 2.0 * entry * entry;
                 } else {
-                    most =
-                        most.max((entry + values[col] * rest).abs()).max((entry + values[row] * rest).abs());
+                    let (off, other) = (entry + values[col] * rest, entry + values[row] * rest);
+                    coupling += off * off + other * other;
                 }
             }
         }
@@ -194,7 +195,7 @@ impl CarriedEigen {
         self.eigen.dropped = (dropped + square).sqrt();
         let scale = largest(values);
         let rounding = n as f64 * f64::EPSILON * scale;
-        let apart = CLEAR * most * most / scale;
+        let apart = CLEAR * coupling / scale;
         let (turns, shifts) = (&mut self.image[..n * n], &mut self.shifts[..n]);
         shifts.fill(0.0);
         let mut coupled = false;
