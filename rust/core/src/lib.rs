@@ -56,9 +56,9 @@
 //! | n | 6 | 12 | 24 | 48 | 96 | 192 |
 //! |---|---|---|---|---|---|---|
 //! | `cholesky` (which `auto` takes) | **0.29** | **0.30** | **0.27** | **0.19** | **0.19** | **0.23** |
-//! | `sr1-tracked` | 0.57 | 0.48 | 0.42 | 0.29 | 0.42 | 1.3 |
+//! | `sr1-tracked` | 0.58 | 0.49 | 0.36 | 0.29 | 0.42 | 1.3 |
 //! | `pinv` | 1.1 | 1.8 | 1.5 | 1.1 | 1.1 | 1.1 |
-//! | `pinv-tracked` | 0.49 | 0.77 | 0.39 | 0.38 | 0.51 | 1.2 |
+//! | `pinv-tracked` | 0.47 | 0.78 | 0.41 | 0.39 | 0.51 | 1.0 |
 //! | `cholesky`, given A and b | 0.26 | 0.24 | 0.22 | 0.15 | 0.13 | 0.15 |
 //!
 //! Walks of `sr1-tracked` cost most at their beginning, before a smooth null space is left as predicted: at n = 192, where
