@@ -11,8 +11,9 @@ from typing import Any
 import oarlock
 import pytest
 from mechanisms import COMMAND, four_bar, write_model
-from oarlock import cli
+from oarlock.cli import app as cli
 from pairs import GATED
+from strange import write_files
 from suites import TINY
 
 WHOLE_CASE = "boat_run"
@@ -97,6 +98,12 @@ def oarlock_command(tmp_path: Path):
 def tiny(tmp_path: Path) -> Path:
     """A small case of a suite."""
     return write_model(tmp_path / "tiny", four_bar(), TINY).parent
+
+
+@pytest.fixture(scope="session")
+def strange(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The fixtures, with their meshes and textures made."""
+    return write_files(tmp_path_factory.mktemp("strange") / "files")
 
 
 @pytest.fixture(scope="session")

@@ -8,12 +8,13 @@ from typing import Any
 import mujoco
 import numpy as np
 from mechanisms import setup_of
-from oarlock.cases import Case, load_case
-from oarlock.check.controls import written_out
-from oarlock.check.examination import begin, examine
-from oarlock.check.wish import Wish
-from oarlock.mechanism import INTEGRATORS, load_model
-from oarlock.start import ConsistentStart, consistent_start
+from oarlock.cases.case import Case, load_case
+from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.runs.controls import written_out
+from oarlock.diagnosis.wish import Wish
+from oarlock.mechanics.load import load_model
+from oarlock.mechanics.prepare import INTEGRATORS
+from oarlock.stepping.start import ConsistentStart, consistent_start
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-from oarlock.case_file import CaseFile
-from oarlock.cases import MODELS, Case, load_case
-from oarlock.experiments import Laboratory
-from oarlock.setup import Setup
+from oarlock.cases.case import MODELS, Case, load_case
+from oarlock.cases.case_file import CaseFile
+from oarlock.experiments.laboratory import Laboratory
+from oarlock.stepping.setup import Setup
 
 INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from oarlock.results import ResultFolder
+from oarlock.tables.folder import ResultFolder
 
 GATED = """
 title = "tiny"

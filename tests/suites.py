@@ -7,9 +7,9 @@ import time
 from pathlib import Path
 
 from mechanisms import COMMAND, four_bar, write_model
-from oarlock.results import ResultFolder
-from oarlock.suite import Listener, carry_out, plan_suite
-from oarlock.unit import run_unit
+from oarlock.batch.suite import Listener, carry_out, plan_suite
+from oarlock.batch.unit import run_unit
+from oarlock.tables.folder import ResultFolder
 
 TINY = """title = "tiny"
 summary = "Ten steps."
@@ -110,7 +110,7 @@ def interrupted_and_resumed(tmp_path, *options):
     assert "Traceback" not in err
     assert err.endswith("oarlock: interrupted; the runs that were finished are kept\n")
     (member,) = plan_suite([str(folder)], tmp_path / "out").members
-    finished = [unit for unit in member.units if member.ledger.finished(unit)]
+    finished = [unit for unit in member.units if member.ledger.finished(unit.name, unit.digest)]
     assert 1 <= len(finished) < UNITS
     assert ResultFolder(tmp_path / "out" / "long").read_json("summary.json")["runs"] == member.ledger.rows()
     assert not [path for path in (tmp_path / "out").rglob("*") if path.name.startswith(".")]

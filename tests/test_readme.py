@@ -1,9 +1,8 @@
 """The front page says what the published report says."""
 
 import re
-from pathlib import Path
 
-ROOT = Path(__file__).parent.parent
+from places import REPOSITORY as ROOT
 
 
 def test_the_figures_of_the_front_page_are_those_of_the_report():

@@ -9,13 +9,14 @@ between two folders of them, ``check`` why the loops of a file come apart and wh
     >>> results.summary, results.steps
 """
 
-from oarlock._core import VERSION, make_solver
-from oarlock.cases import load_case, model_names, variant_names
-from oarlock.check import Checked, check
-from oarlock.diff import Difference, diff
-from oarlock.errors import InputError
-from oarlock.run import Results, run
-from oarlock.solvers import solver_names
+from oarlock.base.core import VERSION, make_solver
+from oarlock.base.errors import InputError
+from oarlock.cases.case import load_case, model_names, variant_names
+from oarlock.compare.compare import Difference, diff
+from oarlock.diagnosis.checked import Checked, check
+from oarlock.experiments.outcome import Results
+from oarlock.experiments.session import run
+from oarlock.stepping.solvers import solver_names
 
 __version__ = VERSION
 

@@ -1,6 +1,7 @@
 """A short comparison of the boat on the native path, for a run under a memory checker."""
 
-from oarlock import native_path, run
+from oarlock import run
+from oarlock.stepping import native_path
 
 refusal = native_path.refusal()
 assert not refusal, refusal

@@ -1,0 +1,42 @@
+"""The compiled core; no other file of the package imports ``oarlock._core``."""
+
+from oarlock import _core
+from oarlock._core import (
+    BUILD_PROFILE,
+    VERSION,
+    ConstrainedSystem,
+    Info,
+    InputError,
+    MultiplierSolver,
+    Run,
+    Setup,
+    TimeLaw,
+    advance_all,
+    bench_sizes,
+    bench_solvers,
+    make_solver,
+    open_mujoco,
+    solvers,
+)
+
+FILE = str(_core.__file__)
+"""Path of the compiled module."""
+
+__all__ = [
+    "BUILD_PROFILE",
+    "FILE",
+    "VERSION",
+    "ConstrainedSystem",
+    "Info",
+    "InputError",
+    "MultiplierSolver",
+    "Run",
+    "Setup",
+    "TimeLaw",
+    "advance_all",
+    "bench_sizes",
+    "bench_solvers",
+    "make_solver",
+    "open_mujoco",
+    "solvers",
+]

@@ -1,0 +1,52 @@
+"""``NAME:key=value,…``: how a solver and a parametrised model are asked for."""
+
+import math
+
+from oarlock.base.errors import InputError
+
+Number = int | float
+
+
+def split_options(text: str, what: str) -> tuple[str, dict[str, Number]]:
+    """Name and options of a specification; an integer stays one.
+
+    Args:
+        text: ``NAME`` or ``NAME:key=value,…``.
+        what: what an option is called in a message, such as ``solver option``.
+
+    Raises:
+        InputError: an option that is not key=number, or one that is given twice.
+    """
+    name, colon, rest = text.rpartition(":")
+    if not colon:
+        return text, {}
+    options: dict[str, Number] = {}
+    for item in filter(None, rest.split(",")):
+        key, equals, value = (part.strip() for part in item.partition("="))
+        try:
+            number = _number(value)
+        except ValueError:
+            number = None
+        if number is None or not equals or not key:
+            raise InputError(f"{what} '{item}' in '{text}', expected key=number")
+        if key in options:
+            raise InputError(f"{what} '{key}' in '{text}' is given twice")
+        options[key] = number
+    return name, options
+
+
+def _number(text: str) -> Number:
+    value = float(text)
+    try:
+        integer = int(text)
+    except ValueError:
+        return value
+    if math.isinf(value):  # no float is as large
+        raise ValueError(text)
+    return integer
+
+
+def join_options(name: str, options: dict[str, Number]) -> str:
+    """The specification that ``split_options`` reads."""
+    joined = ",".join(f"{key}={value!r}" for key, value in options.items())
+    return f"{name}:{joined}" if joined else name

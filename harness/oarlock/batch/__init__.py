@@ -1,0 +1,1 @@
+"""Many cases at once: units, workers, digests, resumption, and the pages of suites and sweeps."""

@@ -1,0 +1,363 @@
+"""The workers of a dask.distributed cluster: those of a running scheduler, or processes of this machine.
+
+An item is meant for one worker, which has no other of ours in work. A death has one possible cause then: the dead
+worker's item is done again elsewhere, once, and the others never notice. What MuJoCo keeps for a whole process is safe
+as well, however many threads a worker has.
+"""
+
+import asyncio
+import importlib
+import logging
+import os
+import pickle
+import signal
+import sys
+import tempfile
+import threading
+import uuid
+from collections.abc import Callable, Coroutine
+from concurrent.futures import Future
+from contextlib import AsyncExitStack, suppress
+from dataclasses import dataclass
+from typing import Any, TypeVar
+from urllib.parse import urlsplit
+
+from oarlock.base.errors import InputError, one_line
+from oarlock.batch import digest
+from oarlock.batch.workers import DiedError, LostError, uninterrupted_children
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+LOCAL = "local"
+"""Instead of an address: a cluster of processes of this machine."""
+
+_CONNECT_S = 4.0
+_ANSWER_S = 6.0
+"""Longer than it takes to connect: what listens there may be no scheduler."""
+_LOOK_S = 0.5
+_ALONE_S = 10.0
+"""So long without a worker before somebody is told."""
+_CLOSE_S = 15.0
+
+_LOGGERS = ("distributed", "distributed.client", "distributed.gc", "tornado", "tornado.application", "asyncio")
+
+_ME = uuid.uuid4().hex
+"""This process as a worker: one that was restarted has the address of the one that died, and must not go on for it."""
+
+_ONE_AT_A_TIME = threading.Lock()
+
+
+_THERE = "__import__('oarlock.batch.cluster').batch.cluster.{}(*arguments)"
+"""By name, for ``eval``: a worker that cannot import what it is sent would end without a word to us."""
+
+
+def greet() -> tuple[str, str]:
+    """What a worker says of itself: who it is, and the digest of its program."""
+    return _ME, digest.program()
+
+
+def work(worker: str, call: bytes) -> Any:
+    """Does an item at a worker, if it is the one that is meant."""
+    if worker != _ME:
+        raise RuntimeError("meant for a worker that is gone")
+    function, item = pickle.loads(call)
+    with _ONE_AT_A_TIME:
+        try:
+            return function(item)
+        except (SystemExit, KeyboardInterrupt) as error:  # they would end the worker
+            raise RuntimeError(str(error)) from None
+
+
+class _GoneError(Exception):
+    """The worker went before the result was here."""
+
+    def __init__(self, expected: bool):
+        super().__init__()
+        self.expected = expected
+
+
+@dataclass(eq=False)
+class _Seat:
+    """A worker of the cluster.
+
+    Attributes:
+        address: where it is.
+        gone: done when it is; whether that was meant.
+        worker: its ``_ME``, once it said so.
+        unfit: why it cannot be used; empty if it can.
+    """
+
+    address: str
+    gone: "asyncio.Future[bool]"
+    worker: str = ""
+    unfit: str = ""
+
+
+class Cluster:
+    """Workers of a cluster, as they come and go; those with another program than this one are left out.
+
+    Everything about them happens in one thread with a loop of its own.
+    """
+
+    def __init__(self, scheduler: str, jobs: int | None, say: Callable[[str], None]):
+        """Connects to a scheduler; a local cluster is started when it is needed.
+
+        Args:
+            scheduler: its address, or ``local``.
+            jobs: items in work at once; of a local cluster its processes. None for as many as there are workers.
+            say: is told what the user should know while it runs.
+
+        Raises:
+            InputError: dask.distributed is not installed, or no scheduler answers there.
+        """
+        self._scheduler = _checked(scheduler)
+        self._jobs = jobs
+        self._say = say
+        self._distributed = _distributed()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="oarlock-cluster", daemon=True)
+        self._connected: Future[None] = Future()
+        self._stop = asyncio.Event()
+        self._hard = False
+        self._lost: LostError | None = None
+        self._tasks: set[asyncio.Task[Any]] = set()
+        self._seats: dict[str, _Seat] = {}
+        self._free: asyncio.Queue[_Seat] = asyncio.Queue()
+        self._client: Any = None
+        if scheduler != LOCAL:
+            try:
+                self._begin()
+                self._connected.result()
+            except BaseException:
+                self.kill()
+                raise
+
+    @property
+    def slots(self) -> int:
+        """No bound: what finds no free worker waits here, for their number changes."""
+        return self._jobs or sys.maxsize
+
+    def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
+        """As ``Workers``; breaks nothing else, for a second death is the item's own fault."""
+        self._begin()
+        return asyncio.run_coroutine_threadsafe(self._do(pickle.dumps((function, item))), self._loop)
+
+    def renew(self) -> str:
+        """As ``Workers``; never needed, for they never break as a whole."""
+        return "its worker died"
+
+    def close(self) -> None:
+        """As ``Workers``."""
+        self._end()
+
+    def kill(self) -> None:
+        """As ``Workers``; a unit that a remote worker has begun is finished there, for nobody."""
+        self._hard = True
+        self._end()
+
+    def _begin(self) -> None:
+        if self._thread.ident is None:
+            with uninterrupted_children():
+                self._thread.start()
+
+    def _end(self) -> None:
+        if self._thread.ident is None:
+            self._loop.close()
+            return
+        with suppress(RuntimeError):  # it ended before
+            self._loop.call_soon_threadsafe(self._stop.set)
+        self._thread.join(_CLOSE_S)
+
+    # In the thread of the loop.
+
+    def _run(self) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._live())
+
+    async def _live(self) -> None:
+        stop = asyncio.ensure_future(self._stop.wait())
+        life = asyncio.ensure_future(self._serve())
+        await asyncio.wait({stop, life}, return_when=asyncio.FIRST_COMPLETED)
+        if life.done() and (error := life.exception()):
+            lost = self._lose(": ".join(filter(None, ["no answer", one_line(error)])))
+            if not self._connected.done():
+                self._connected.set_exception(lost)
+            await stop
+        life.cancel()
+        await asyncio.wait({life})
+
+    async def _serve(self) -> None:
+        """Until it is cancelled."""
+        async with AsyncExitStack() as stack:
+            where = await self._started(stack) if self._scheduler == LOCAL else self._scheduler
+            make = self._distributed.Client
+            client = make(where, asynchronous=True, timeout=_CONNECT_S, set_as_default=False)
+            stack.push_async_callback(client.close)
+            stack.push_async_callback(self._let_go)
+            async with asyncio.timeout(_ANSWER_S):
+                self._client = await client
+                self._client.subscribe_topic("all", self._hear)
+                known = await self._client.scheduler.identity(n_workers=-1)
+            for address in known["workers"]:
+                self._welcome(address)
+            self._connected.set_result(None)
+            await self._watch()
+
+    async def _started(self, stack: AsyncExitStack) -> Any:
+        """A cluster of processes of this machine."""
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="oarlock-", ignore_cleanup_errors=True))
+        cluster = self._distributed.LocalCluster(
+            n_workers=self._jobs,
+            threads_per_worker=1,
+            processes=True,
+            host="127.0.0.1",
+            dashboard_address=None,
+            scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+            memory_limit=0,
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+            asynchronous=True,
+        )
+        stack.push_async_callback(self._ended, cluster)
+        return await cluster
+
+    async def _ended(self, cluster: Any) -> None:
+        if self._hard:
+            for nanny in cluster.workers.values():
+                nanny.close_gracefully()  # lets it start no other one
+                with suppress(OSError):
+                    if nanny.pid:
+                        os.kill(nanny.pid, signal.SIGKILL)
+        await cluster.close()
+
+    async def _let_go(self) -> None:
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _watch(self) -> None:
+        loop, told = asyncio.get_running_loop(), False
+        since = loop.time()
+        while True:
+            await asyncio.sleep(_LOOK_S)
+            if self._client.status != "running":
+                raise self._lose("the scheduler is gone")
+            if self._seats:
+                since, told = loop.time(), False
+            elif not told and loop.time() - since > _ALONE_S:
+                self._say(f"scheduler {self._scheduler}: no worker there; waiting for one")
+                told = True
+
+    def _hear(self, event: tuple[float, Any]) -> None:
+        """An event of the scheduler."""
+        match event[1]:
+            case {"action": "add-worker", "worker": address}:
+                self._welcome(address)
+            case {"action": "remove-worker", "worker": address, "expected": expected}:
+                seat = self._seats.pop(address, None)
+                if seat:
+                    seat.gone.set_result(expected)
+
+    def _welcome(self, address: str) -> None:
+        if address not in self._seats:
+            seat = self._seats[address] = _Seat(address, self._loop.create_future())
+            self._keep(self._greeted(seat))
+
+    def _keep(self, work: Coroutine[Any, Any, None]) -> None:
+        task = self._loop.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _greeted(self, seat: _Seat) -> None:
+        """Takes a worker on, if it has what it takes."""
+        try:
+            seat.worker, program = await self._at(seat, greet)
+        except _GoneError as gone:
+            if not gone.expected:
+                self._say(f"scheduler {self._scheduler}: worker {seat.address} died before it had anything to do")
+            return
+        except Exception as error:
+            seat.unfit = one_line(f"{type(error).__name__}: {error}")
+        else:
+            if program != digest.program():
+                seat.unfit = "its oarlock, or what that builds on, is another one than here"
+        if not seat.unfit:
+            self._free.put_nowait(seat)
+        elif all(other.unfit for other in self._seats.values()):
+            self._lose(f"no worker there can be used: {seat.unfit}")
+        else:
+            self._say(f"scheduler {self._scheduler}: worker {seat.address} is left out: {seat.unfit}")
+
+    async def _do(self, call: bytes) -> Any:
+        task = asyncio.current_task()
+        assert task is not None
+        self._tasks.add(task)
+        try:
+            return await self._done(call)
+        except asyncio.CancelledError:
+            raise self._lost or LostError("the cluster was closed") from None
+        finally:
+            self._tasks.discard(task)
+
+    async def _done(self, call: bytes) -> Any:
+        if self._lost:
+            raise self._lost
+        deaths = 0
+        while deaths < 2:
+            seat = await self._free.get()
+            if seat.gone.done():
+                continue
+            try:
+                return await self._at(seat, work, seat.worker, call)
+            except _GoneError as gone:
+                deaths += not gone.expected
+            finally:
+                self._free.put_nowait(seat)
+        raise DiedError(f"{self.renew()}, twice")
+
+    async def _at(self, seat: _Seat, function: Callable[..., Any], *arguments: Any) -> Any:
+        """What a function gives at one worker, and nowhere else."""
+        source = _THERE.format(function.__name__)
+        future = self._client.submit(eval, source, {"arguments": arguments}, workers=[seat.address], pure=False)
+        result = asyncio.ensure_future(future.result())
+        try:
+            await asyncio.wait({result, seat.gone}, return_when=asyncio.FIRST_COMPLETED)
+            if not result.done():
+                raise _GoneError(seat.gone.result())
+            if future.cancelled():
+                raise self._lose("the scheduler is gone")
+            return result.result()
+        finally:
+            result.cancel()
+            future.release()
+
+    def _lose(self, why: str) -> LostError:
+        """Ends all that is waiting; the first reason counts."""
+        self._lost = self._lost or LostError(f"scheduler {self._scheduler}: {why}")
+        for task in self._tasks:
+            task.cancel()
+        return self._lost
+
+
+def _checked(scheduler: str) -> str:
+    if scheduler != LOCAL:
+        try:
+            parts = urlsplit(scheduler)
+            right = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port and not parts.path.strip("/")
+        except ValueError:
+            right = False
+        if not right:
+            raise InputError(f"scheduler '{scheduler}', expected {LOCAL} or the address of one, tcp://HOST:PORT")
+    return scheduler
+
+
+def _distributed() -> Any:
+    """The package, which says nothing by itself: what matters of it becomes a line of our own."""
+    try:
+        module = importlib.import_module("distributed")
+    except ImportError as error:
+        raise InputError("--scheduler needs dask.distributed: pip install 'oarlock[cluster]'") from error
+    for name in _LOGGERS:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    return module

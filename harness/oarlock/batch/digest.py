@@ -1,0 +1,76 @@
+"""Digest of everything a run depends on: while it stays the same, so do the figures of the run."""
+
+import ast
+import functools
+import importlib.metadata
+import platform
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+
+from oarlock.base import core
+from oarlock.base.hashing import of_document, of_file, of_text
+from oarlock.cases.case import Case
+
+COMPUTING = ("base", "cases", "tables", "mechanics", "stepping", "experiments")
+"""Rooms that the figures of a run depend on, and with them ``unit.py``; the other rooms only present them."""
+
+PRESENTING = ("base", "cases", "tables", "render", "report")
+"""Rooms that the pages of results depend on."""
+
+TOLD = {"title", "summary", "source", "tags", "expect", "paper", "experiments", "gates", "variants", "sweep"}
+"""Keys of a case file that are read after its runs, or that say which runs there are."""
+
+
+_HARNESS = Path(__file__).parents[1]
+
+
+@functools.cache
+def program() -> str:
+    """Digest of everything that computes: the compiled core, the computing rooms, the versions, the kind of machine."""
+    sources = {name: _code(path) for name, path in _sources(COMPUTING).items()}
+    sources["unit"] = _code(Path(__file__).with_name("unit.py"))
+    versions = {name: importlib.metadata.version(name) for name in ("mujoco", "numpy", "scipy")}
+    compiled = of_file(Path(core.FILE))
+    return of_document([compiled, sources, versions, platform.python_version(), platform.system(), platform.machine()])
+
+
+@functools.cache
+def presentation() -> str:
+    """Digest of what makes pages from results."""
+    sources = {name: of_file(path) for name, path in _sources(PRESENTING).items()}
+    sources |= {path.name: of_file(path) for path in sorted(_HARNESS.glob("render/templates/*"))}
+    return of_document([sources, [importlib.metadata.version(name) for name in ("altair", "vl-convert-python")]])
+
+
+def _sources(rooms: Sequence[str]) -> dict[str, Path]:
+    """The sources of some rooms, by room and name."""
+    return {f"{room}/{path.stem}": path for room in rooms for path in sorted((_HARNESS / room).glob("*.py"))}
+
+
+def _code(path: Path) -> str:
+    """A source without its comments and its layout."""
+    return of_text(ast.dump(ast.parse(path.read_bytes())))
+
+
+def of_case(case: Case) -> str:
+    """Of a case and the program: its model with all that it includes, its truth, and what its runs read of its file.
+
+    Of a ``model.py`` every file beside it counts, whatever it reads from elsewhere does not.
+    """
+    contents = case.file.model_dump(mode="json", exclude=TOLD)
+    files = {path.name: of_file(path) for path in _files(case)}
+    return of_document([case.name, case.parameters, contents, files, program()])
+
+
+def _files(case: Case) -> list[Path]:
+    if case.model_path.suffix == ".py":
+        beside = (path for path in case.folder.iterdir() if path.is_file() and path.suffix not in (".md", ".csv"))
+        files = sorted(path for path in beside if path.name != "case.toml")
+    else:
+        try:
+            files = [Path(name) for name in sorted(mujoco.mju_getXMLDependencies(str(case.model_path)))]
+        except Exception:  # a file that cannot be read: the run says what is wrong with it
+            files = [case.model_path]
+    return files if case.truth_path is None else [*files, case.truth_path]

@@ -1,0 +1,144 @@
+"""The reports of a suite: a page a case, made in parallel, and the summary. What would not change is not made again."""
+
+import re
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from oarlock.base.errors import InputError, one_line
+from oarlock.batch import digest
+from oarlock.batch.suite import Listener
+from oarlock.batch.workers import Workers, dispatch
+from oarlock.tables.folder import ResultFolder
+from oarlock.tables.ledger import NAME, Ledger
+
+_BOOK = "pages.json"
+_SOURCES = ("case.json", "summary.json", "sketch.json")
+_DIRECT = ("README.md", "summary.json", "index.html")
+
+
+@dataclass(frozen=True)
+class Page:
+    """Folders of results and the folder of the report that they make.
+
+    Of one ``case``, the ``summary`` of several, or a ``sweep``.
+    """
+
+    name: str
+    sources: tuple[Path, ...]
+    target: Path
+    kind: Literal["case", "summary", "sweep"] = "case"
+
+    def inputs(self) -> str:
+        """What it is made from."""
+        made = [
+            [*(digest.of_file(path / name) for name in _SOURCES), _tables(path), path.name] for path in self.sources
+        ]
+        return digest.of_document([digest.presentation(), made, self.kind])
+
+    def outputs(self) -> str:
+        """What was made."""
+        files = [self.target / name for name in _DIRECT] + sorted((self.target / "figures").glob("*.svg"))
+        return digest.of_document([[path.name, digest.of_file(path)] for path in files if path.is_file()])
+
+
+def _tables(path: Path) -> Any:
+    """The fingerprints of a case's tables, its failures, and the rows of its sweep."""
+    ledger = Ledger.read(path)
+    files = {name: mark for entry in ledger.entries.values() for name, mark in entry["files"].items()}
+    failures = {name: str(failure) for name, failure in ledger.failures().items()}
+    return [files, ledger.refused, failures, ledger.rows(sweep=True)]
+
+
+def write_page(page: Page) -> str:
+    """Makes a page; says what stood in the way, or nothing."""
+    try:
+        if page.kind == "summary":
+            from oarlock.report.summary import write_summary
+
+            write_summary(page.sources, page.target)
+        elif page.kind == "sweep":
+            from oarlock.report.sweep_report import write_sweep_report
+
+            write_sweep_report(page.sources[0], page.target)
+        else:
+            from oarlock.report.case_report import write_report
+
+            write_report(page.sources[0], page.target)
+    except InputError as error:
+        return one_line(error)
+    except Exception as error:
+        return one_line(f"{type(error).__name__}: {error}")
+    return ""
+
+
+def write_pages(
+    out: Path, cases: Sequence[Path], report: Path, workers: Workers, listener: Listener, *, every: bool
+) -> list[str]:
+    """Writes the pages of some cases and the summary, where they would change.
+
+    Args:
+        out: folder of all results.
+        cases: folders of results of the cases.
+        report: folder for the summary, with a folder a page in it.
+        workers: who makes them.
+        listener: listens.
+        every: whether these are all the cases that there are; else the summary holds the others of ``out`` too.
+
+    Returns:
+        What could not be written, and why.
+    """
+    singles = [Page(path.name, (path,), report / path.name) for path in cases if (path / "sketch.json").is_file()]
+    others = [] if every else [path.parent for path in out.glob(f"*/{NAME}")]
+    known = sorted({path for path in (*cases, *others) if (path / NAME).is_file()}, key=_order)
+    failures = _make(out, singles, workers, listener)
+    whole = [Page("summary", tuple(known), report, "summary")] if known else []
+    return failures + _make(out, whole, workers, listener)
+
+
+def write_sweep_pages(
+    out: Path, sweeps: Sequence[Path], report: Path, workers: Workers, listener: Listener
+) -> list[str]:
+    """Writes the pages of sweeps beside those of their cases, where they would change; no other page is touched.
+
+    Gives what could not be written, and why.
+    """
+    named = {f"{path.parent.name}-{path.name}": path for path in sweeps if (path / "summary.json").is_file()}
+    return _make(out, [Page(name, (path,), report / name, "sweep") for name, path in named.items()], workers, listener)
+
+
+def _order(path: Path) -> tuple[str, list[tuple[str, float]]]:
+    """A variant after its model, by its parameters as numbers."""
+    parameters = re.findall(r"-(\w+)=(-?[0-9.]+(?:e[-+]?[0-9]+)?)", path.name)
+    return path.name.partition("-")[0], [(name, float(value)) for name, value in parameters]
+
+
+def _make(out: Path, pages: list[Page], workers: Workers, listener: Listener) -> list[str]:
+    book = _read_book(out)
+    due = [page for page in pages if book.get(str(page.target.resolve())) != [page.inputs(), page.outputs()]]
+    if not due:
+        return []
+    listener.begin("reporting", len(pages), len(pages) - len(due))
+    failures = []
+    make: Callable[[Page], str] = write_page
+    with closing(dispatch(make, due, workers)) as all_done:
+        for done in all_done:
+            message = done.result if done.error is None else one_line(str(done.error))
+            key = str(done.item.target.resolve())
+            if message:
+                failures.append(f"{done.item.name}: {message}")
+                book.pop(key, None)
+            else:
+                book[key] = [done.item.inputs(), done.item.outputs()]
+            ResultFolder(out).write_json(_BOOK, book)
+            listener.finished(f"{done.item.target / 'README.md'}", None, message)
+    return failures
+
+
+def _read_book(out: Path) -> dict[str, Any]:
+    try:
+        return ResultFolder(out).read_json(_BOOK)
+    except InputError:
+        return {}

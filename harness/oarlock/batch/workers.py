@@ -1,0 +1,254 @@
+"""Who does the work of a suite: processes of this machine, or whatever else takes a function and gives a future.
+
+``dispatch`` is all that knows how work is handed out. Another kind of workers is a class with the five members of
+``Workers``: ``LocalWorkers`` here, ``Cluster`` in ``cluster.py``.
+"""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import tempfile
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar
+
+from oarlock.base.errors import InputError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""A worker is one thread: the cores are shared out between the workers."""
+
+_SLICE_S = 0.5
+
+
+class Workers(Protocol):
+    """What ``dispatch`` asks of them."""
+
+    @property
+    def slots(self) -> int:
+        """How many items are in work at once."""
+        ...
+
+    def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
+        """Hands out an item.
+
+        An item whose worker died twice, where that cannot be another item's fault, is a DiedError of the future.
+        Where it can be, the death is a BrokenExecutor, here or of the future, and breaks all that is in work.
+
+        Raises:
+            LostError: there are no workers any more; also as the error of any future.
+        """
+        ...
+
+    def renew(self) -> str:
+        """Makes them whole after one died; says how it died, as far as that is known."""
+        ...
+
+    def close(self) -> None:
+        """Lets them go once all is done."""
+        ...
+
+    def kill(self) -> None:
+        """Lets them go at once; what is in work is lost."""
+        ...
+
+
+class LocalWorkers:
+    """Processes of this machine, started when they are needed and used again.
+
+    What they give comes as files: a process killed while it writes into the pool's pipe would leave half a message
+    there, and its reader waiting for ever. The name of a file is written in one piece.
+    """
+
+    def __init__(self, jobs: int):
+        self._jobs = jobs
+        self._files: tempfile.TemporaryDirectory[str] | None = None
+        self._pool: ProcessPoolExecutor | None = None
+        self._processes: list[multiprocessing.process.BaseProcess] = []
+
+    @property
+    def slots(self) -> int:
+        """One item a process."""
+        return self._jobs
+
+    def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
+        """As ``Workers``."""
+        if self._pool is None or self._files is None:
+            self._files = tempfile.TemporaryDirectory(prefix="oarlock-", ignore_cleanup_errors=True)
+            # Not fork: a library's threads would not survive it.
+            self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"))
+        before = multiprocessing.active_children()
+        result: Future[Result] = Future()
+        with uninterrupted_children(), _one_thread():
+            file = self._pool.submit(_to_file, function, item, self._files.name)
+        file.add_done_callback(partial(_from_file, result))
+        self._processes += [child for child in multiprocessing.active_children() if child not in before]
+        return result
+
+    def renew(self) -> str:
+        """As ``Workers``."""
+        processes = self._processes
+        self._let_go(wait=True)
+        # The pool ends those that are left with SIGTERM; the one that broke it ended before.
+        codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
+        if not codes or codes[0] is None:
+            return "its process ended"
+        return f"its process ended with {_signal_or_status(codes[0])}"
+
+    def close(self) -> None:
+        """As ``Workers``."""
+        self._let_go(wait=True)
+
+    def kill(self) -> None:
+        """As ``Workers``."""
+        for process in self._processes:
+            process.kill()
+        self._let_go(wait=False)
+
+    def _let_go(self, *, wait: bool) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=wait, cancel_futures=True)
+        if self._files is not None:
+            self._files.cleanup()
+        self._pool, self._files, self._processes = None, None, []
+
+
+def _to_file(function: Callable[[Item], Any], item: Item, folder: str) -> str:
+    tempfile.tempdir = folder  # whatever it leaves when it is killed goes with that
+    result = function(item)
+    with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
+        pickle.dump(result, file)
+    return file.name
+
+
+def _from_file(result: "Future[Any]", file: "Future[str]") -> None:
+    try:
+        path = Path(file.result())
+        content = pickle.loads(path.read_bytes())
+        path.unlink()
+    except BaseException as error:
+        result.set_exception(error)
+    else:
+        result.set_result(content)
+
+
+def _signal_or_status(code: int) -> str:
+    if code >= 0:
+        return f"status {code}"
+    try:
+        return signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"
+
+
+@contextmanager
+def uninterrupted_children() -> Iterator[None]:
+    """Processes started here never see an interruption from the terminal: this process sees it, and ends them."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    multiprocessing.get_context("spawn").Lock()  # starts multiprocessing's tracker, which lets interruptions in again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Processes started here leave their linear algebra on one thread, unless the user says otherwise."""
+    added = [name for name in _ONE_THREAD if name not in os.environ]
+    os.environ.update(dict.fromkeys(added, "1"))
+    try:
+        yield
+    finally:
+        for name in added:
+            del os.environ[name]
+
+
+class DiedError(Exception):
+    """An item whose worker died twice, the second time with nothing else in work."""
+
+
+class LostError(InputError):
+    """The workers are gone for good; nothing that is waiting can be done."""
+
+
+class Done(Generic[Item, Result]):
+    """An item with what came of it: a result, or the error that it ended in."""
+
+    def __init__(self, item: Item, future: "Future[Result] | None" = None, error: BaseException | None = None):
+        self.item = item
+        self.error = error if future is None else future.exception()
+        self._future = future
+
+    @property
+    def result(self) -> Result:
+        """Raises the error if there is one."""
+        if self.error is not None or self._future is None:
+            raise self.error or RuntimeError("nothing came of it")
+        return self._future.result()
+
+
+def dispatch(
+    function: Callable[[Item], Result], items: Iterable[Item], workers: Workers
+) -> Generator[Done[Item, Result]]:
+    """Does every item in the order given, and gives each as soon as it is done.
+
+    When a worker dies, all that was in work is done again, one at a time: the second death is then the item's own
+    fault, and the others go on. Workers are killed if the iteration is left early, by an interruption or otherwise.
+
+    Raises:
+        LostError: the workers are gone for good; what was done until then is given before.
+    """
+    waiting, suspects = deque(items), deque[Item]()
+    flying: dict[Future[Result], Item] = {}
+    whole = False
+    try:
+        while waiting or suspects or flying:
+            alone = bool(suspects)
+            broken: list[Item] = []
+            queue, slots = (suspects, 1) if alone else (waiting, workers.slots)
+            while queue and len(flying) < slots and not broken:
+                item = queue.popleft()
+                try:
+                    flying[workers.submit(function, item)] = item
+                except BrokenExecutor:
+                    if flying:  # one of those; this one had not begun
+                        queue.appendleft(item)
+                        break
+                    broken.append(item)
+            done: set[Future[Result]] = set()
+            while flying and not done:  # in slices: an interruption that reaches another thread does not end a wait
+                done, _ = wait(flying, _SLICE_S, return_when=FIRST_COMPLETED)
+            if any(isinstance(future.exception(), BrokenExecutor) for future in done):
+                done, _ = wait(flying)
+            lost: LostError | None = None
+            for future in sorted(done, key=list(flying).index):
+                item, error = flying.pop(future), future.exception()
+                if isinstance(error, BrokenExecutor):
+                    broken.append(item)
+                elif isinstance(error, LostError):
+                    lost = error
+                else:
+                    yield Done(item, future)
+            if lost:
+                raise lost
+            if broken:
+                how = workers.renew()
+                if alone:
+                    yield from (Done(item, error=DiedError(f"{how}, twice")) for item in broken)
+                else:
+                    suspects.extend(broken)
+        whole = True
+    finally:
+        if not whole:
+            workers.kill()

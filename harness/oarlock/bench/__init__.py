@@ -1,0 +1,1 @@
+"""``oarlock bench``: what solvers and steps cost."""

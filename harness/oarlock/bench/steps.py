@@ -1,0 +1,214 @@
+"""What a comparison costs, as ratios to bare ``mj_step`` of the same model and steps: interleaved rounds, medians.
+
+MuJoCo runs with its default Newton solver, its Jacobian and islands as the model asks for them, and its timers running,
+as they do in a process that imported it; beside that in whichever setting of all three is fastest here.
+"""
+
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import mujoco
+
+from oarlock.base import core
+from oarlock.base.errors import InputError
+from oarlock.cases.case import load_case
+from oarlock.experiments.laboratory import Laboratory
+from oarlock.stepping import native_path
+from oarlock.stepping.native_path import NativePath
+from oarlock.stepping.python_path import PythonPath
+from oarlock.stepping.setup import Setup
+from oarlock.stepping.solvers import MUJOCO, RUN_REFERENCE, SolverSpec
+from oarlock.tables.schema import SCHEMA
+from oarlock.tables.spool import spools
+
+MODELS = ("boat", "four_bar", "n_four_bar:N=10,connects=2", "n_four_bar:N=40,connects=2")
+STEPS = 2000
+ROUNDS = 15
+RUNS = 16
+
+BARE = "mj_step"
+_JACOBIANS = {
+    "dense": mujoco.mjtJacobian.mjJAC_DENSE,
+    "sparse": mujoco.mjtJacobian.mjJAC_SPARSE,
+    "auto": mujoco.mjtJacobian.mjJAC_AUTO,
+}
+_SWITCHES = {
+    "": {},
+    ", no islands": {"islands": False},
+    ", no islands, no timers": {"islands": False, "timers": False},
+}
+_APART, _TOGETHER = ", one after another", ", on all cores"
+_ISLANDS_OFF = mujoco.mjtDisableBit.mjDSBL_ISLAND
+
+_SPOOLS = partial(spools, schema=SCHEMA)
+
+Contender = Callable[[], float]
+"""Does what is to be timed once and gives the time of a step, s."""
+
+
+def _no_tick(_steps: int) -> None:
+    pass
+
+
+class Track:
+    """A model with what is timed on it, by explicit Euler: a step is one solve.
+
+    Raises:
+        InputError: the native path cannot be taken, or there is no such model.
+    """
+
+    def __init__(self, name: str, steps: int):
+        if native_path.refusal():
+            raise InputError(f"no native stepping: {native_path.refusal()}")
+        case = load_case(name)
+        timestep_s = case.file.run.timestep_s or 1e-3
+        self._laboratory = Laboratory(case, None, steps * timestep_s, _no_tick)
+        self._terms = case.file.baumgarte
+        self.steps = steps
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model as it walks, its Jacobian left to MuJoCo."""
+        return self._setup(_JACOBIANS["auto"]).model
+
+    def contenders(self) -> dict[str, Contender]:
+        """All that a table of steps compares, by name."""
+        bare = {
+            f"{BARE}, {name} Jacobian{without}": self.bare(jacobian, **switches)
+            for name, jacobian in _JACOBIANS.items()
+            if name != "auto"
+            for without, switches in _SWITCHES.items()
+        }
+        exact = {f"exact free run, {solver}": self.free(solver) for solver in ("auto", "sr1-tracked")}
+        return {
+            BARE: self.bare(),
+            **bare,
+            **exact,
+            "lockstep, sr1-tracked, all figures, recorded": self._lockstep(),
+            "the same on the Python path": self._python(),
+            **self._many(f"{RUNS} runs", self._recorded()),
+            **self._many(f"{RUNS} runs of {BARE}", self._bare()),
+        }
+
+    def _setup(self, jacobian: mujoco.mjtJacobian = _JACOBIANS["dense"], islands: bool = True) -> Setup:
+        setup = self._laboratory.setup("euler")
+        setup.model.opt.jacobian = jacobian
+        if not islands:
+            setup.model.opt.disableflags |= _ISLANDS_OFF
+        return setup
+
+    def _path(self, setup: Setup) -> NativePath:
+        return NativePath(setup, self._terms, self._make, _no_tick, _SPOOLS)
+
+    def _make(self, spec: SolverSpec) -> core.MultiplierSolver:
+        return spec.with_defaults(rank_cut=self._laboratory.case.file.rank_cut).make()
+
+    def bare(
+        self, jacobian: mujoco.mjtJacobian = _JACOBIANS["auto"], islands: bool = True, timers: bool = True
+    ) -> Contender:
+        """``mj_step`` alone."""
+        core = self._path(self._setup(jacobian, islands)).core
+        return lambda: self._timed(partial(core.bare(self.steps).walk, timers))
+
+    def free(self, solver: str) -> Contender:
+        """A free run on exact constraints, nothing recorded."""
+        make = self._exact(solver)
+        return lambda: self._timed(make().walk)
+
+    def walked(self, solver: str) -> core.Run:
+        """The same, at its end."""
+        run = self._exact(solver)()
+        run.walk()
+        return run
+
+    def _exact(self, solver: str) -> Callable[[], core.Run]:
+        core = self._path(self._setup()).core
+        own, reference = self._make(SolverSpec(solver)), self._make(SolverSpec(RUN_REFERENCE))
+        return lambda: core.free_solved(self.steps, "hard", own, reference)
+
+    def profile(self, solver: str) -> Callable[[], dict[str, Any]]:
+        """The same walk with looks at the clock between the parts of a step: what ``Setup.profile`` says of it."""
+        core, own = self._path(self._setup()).core, self._make(SolverSpec(solver))
+        return lambda: core.profile(self.steps, own)
+
+    def _lockstep(self) -> Contender:
+        core = self._path(self._setup()).core
+        own, reference = self._make(SolverSpec("sr1-tracked")), self._make(SolverSpec(RUN_REFERENCE))
+
+        def once() -> float:
+            run = core.lockstep(self.steps, [("hard", reference, [own])])
+            return self._timed(lambda: (run.advance(self.steps), run.tables()))
+
+        return once
+
+    def _python(self) -> Contender:
+        path = PythonPath(self._setup(), self._terms, self._make, _no_tick, _SPOOLS)
+        tracked = (SolverSpec("sr1-tracked"),)
+        return lambda: self._timed(lambda: path.lockstep(SolverSpec(MUJOCO), None, ("hard",), tracked))
+
+    def _recorded(self) -> Callable[[], core.Run]:
+        core = self._path(self._setup()).core
+        own, reference = self._make(SolverSpec("auto")), self._make(SolverSpec(RUN_REFERENCE))
+        return lambda: core.free_solved(self.steps, "hard", own, reference)
+
+    def _bare(self) -> Callable[[], core.Run]:
+        core = self._path(self._setup(_JACOBIANS["auto"])).core
+        return lambda: core.bare(self.steps)
+
+    def _many(self, name: str, make: Callable[[], core.Run]) -> dict[str, Contender]:
+        """Runs one after another and on all cores. Those of ``mj_step`` say what the machine allows."""
+
+        def one_after_another() -> float:
+            runs = [make() for _ in range(RUNS)]
+            return self._timed(lambda: [run.advance(self.steps) for run in runs]) / RUNS
+
+        def on_all_cores() -> float:
+            runs = [make() for _ in range(RUNS)]
+            return self._timed(lambda: core.advance_all(runs, self.steps)) / RUNS
+
+        return {name + _APART: one_after_another, name + _TOGETHER: on_all_cores}
+
+    def _timed(self, work: Callable[[], Any]) -> float:
+        began = time.perf_counter()
+        work()
+        return (time.perf_counter() - began) / self.steps
+
+
+def bench_stepping(
+    models: tuple[str, ...] | list[str] = MODELS, rounds: int = ROUNDS, steps: int = STEPS
+) -> Iterator[list[dict[str, Any]]]:
+    """The table of each model as soon as it is measured.
+
+    Every row has model, name, step_us (median), ratio to bare ``mj_step``, ratio_to_fastest, to its fastest setting,
+    and speedup, of runs on all cores over the same one after another, else None (medians of the ratios of each round).
+
+    Raises:
+        InputError: the native path cannot be taken, or there is no such model.
+    """
+    for model in models:
+        contenders = Track(model, steps).contenders()
+        times: dict[str, list[float]] = {name: [] for name in contenders}
+        for _ in range(rounds):
+            for name, once in contenders.items():
+                times[name].append(once())
+        fastest = min(
+            (name for name in times if name.startswith(BARE)), key=lambda name: statistics.median(times[name])
+        )
+
+        def ratio(name: str, over: str, times: dict[str, list[float]] = times) -> float:
+            return statistics.median(a / b for a, b in zip(times[name], times[over], strict=True))
+
+        yield [
+            {
+                "model": model,
+                "name": name,
+                "step_us": 1e6 * statistics.median(times[name]),
+                "ratio": ratio(name, BARE),
+                "ratio_to_fastest": ratio(name, fastest),
+                "speedup": ratio(name.replace(_TOGETHER, _APART), name) if name.endswith(_TOGETHER) else None,
+            }
+            for name in contenders
+        ]

@@ -1,0 +1,1 @@
+"""The command ``oarlock``: flags, terminal, exit status. Nobody imports it."""

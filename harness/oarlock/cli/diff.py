@@ -1,0 +1,75 @@
+"""``oarlock diff``: what it prints, and its exit status."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, say, shown
+
+if TYPE_CHECKING:
+    from oarlock.compare.compare import Difference
+
+_COLOURS = {"worse": "red", "disappeared": "red", "better": "green", "changed": "yellow"}
+
+
+@ends()
+def diff(
+    before: Annotated[Path, typer.Argument(metavar="A", help="Folder of results: of one model, or of a suite.")],
+    after: Annotated[Path, typer.Argument(metavar="B", help="Another one, that is held against A.")],
+    timings: Annotated[
+        float | None, typer.Option(metavar="FACTOR", help="Judge timings too: they may grow by this factor.")
+    ] = None,
+    allow_missing: Annotated[bool, typer.Option("--allow-missing", help="What B does not have is no loss.")] = False,
+    limit: Annotated[int, typer.Option(metavar="N", min=0, help="Print N changes at most; 0: all.")] = 50,
+    as_json: JsonOption = None,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write JUnit XML, a test case a run and group of figures.")
+    ] = None,
+) -> None:
+    """What changed beyond its tolerance between two folders of results, worst first; status 1: something got worse."""
+    from oarlock.compare.compare import diff as compare
+
+    found = compare(before, after, timings=timings, allow_missing=allow_missing)
+    if junit:
+        from oarlock.compare.junit import write_junit
+
+        write_junit(found, junit)
+    if as_json:
+        emit_json(found.document(), as_json)
+    if as_json != "-":
+        _print(found, limit)
+    if found.worse:
+        say(f"oarlock: {len(found.worse)} got worse; the first: {_place(found)}{found.worse[0].line()}")
+        raise typer.Exit(GATE_FAILED)
+
+
+def _place(found: "Difference") -> str:
+    return " ".join(" ".join(part for part in (found.worse[0].case, found.worse[0].run) if part).split()) + ": "
+
+
+def _print(found: "Difference", limit: int) -> None:
+    from oarlock.compare.compare import COLUMNS, cells
+
+    out = console()
+    for origin in found.origins:
+        out.print(shown(origin.line(found.matched)), soft_wrap=True)
+    changes = found.changes[: limit or None]
+    if changes:
+        table = Table(box=None, header_style="bold", pad_edge=False)
+        for title in COLUMNS:
+            # A terminal may be too narrow for the names of runs: they go on in the next line.
+            table.add_column(title, justify="left" if title in COLUMNS[:4] else "right", overflow="fold")
+        for one in changes:
+            verdict, *rest = cells(one)
+            style = _COLOURS.get(verdict, "") if sys.stdout.isatty() else ""
+            table.add_row(Text(verdict, style=style), *(shown(text) for text in rest))
+        out.print(table)
+    if len(found.changes) > len(changes):
+        out.print(shown(f"and {len(found.changes) - len(changes)} more changes (--limit 0 prints all)"))
+    for figure, factor in found.timings.items():
+        out.print(shown(f"{figure}: × {factor:.3g}, median over runs; timings are not judged"), soft_wrap=True)
+    out.print(shown(found.summary()), soft_wrap=True)

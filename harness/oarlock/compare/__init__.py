@@ -1,0 +1,1 @@
+"""``oarlock diff``: what changed between two folders of results."""

@@ -1,0 +1,1 @@
+"""Copies of an MJCF file with a keyframe or settings changed."""

@@ -1,0 +1,95 @@
+"""A tuned copy of an MJCF file: the author's text with another timestep, integrator, solref and solimp.
+
+MuJoCo's own writer rounds numbers to six digits, which opens a loop that was closed; so the text is kept, includes are
+pasted in, and files are referred to from where the copy lies. That nothing else changed is checked array by array.
+"""
+
+import os
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from oarlock.base.errors import InputError, one_line
+from oarlock.diagnosis.runs.trials import EQUALITIES, Setting
+from oarlock.mechanics.load import load_model
+from oarlock.mechanics.mjcf import Copier, differences
+
+
+def write_tuned(source: Path, out: Path, setting: Setting) -> list[Path]:
+    """Writes a copy of an MJCF file with a setting.
+
+    Args:
+        source: the MJCF file.
+        out: where the copy goes; its folder must exist. Meshes, textures and such stay where they are.
+        setting: for ``<option>`` and every equality.
+
+    Returns:
+        What was written: the copy, and beside it one of every attached model with equalities or options of its own.
+
+    Raises:
+        InputError: the source cannot be loaded, is a script, or is what would be overwritten; the folder cannot be
+            written to; or the copy would not be the same model but for the setting.
+    """
+    if source.suffix == ".py":
+        raise InputError(f"{source} builds its model by a script, expected an MJCF file to write a tuned copy of")
+    if out.resolve() == source.resolve():
+        raise InputError(f"'{out}' is the model itself, expected another file for its tuned copy")
+    wanted = load_model(source)
+    setting.apply(wanted)
+    copier = _Tuner(out, setting)
+    root = copier.read(source, source.parent, prefix="")
+    if root.find("option") is None:
+        ET.SubElement(root, "option")
+    copier.tune(root)
+    copier.write(out, root, copier.header)
+    try:
+        different = differences(wanted, load_model(out))
+    except InputError as error:
+        raise InputError(f"{source}: its tuned copy does not load: {one_line(error)}") from None
+    if different:
+        raise InputError(f"{source}: its tuned copy '{out}' has another {different[0]}, expected the same model")
+    return copier.written
+
+
+class _Tuner(Copier):
+    """Refers to files where they are, and sets every equality."""
+
+    def __init__(self, out: Path, setting: Setting):
+        super().__init__(out.parent)
+        self._out, self._setting = out, setting
+        self.written: list[Path] = []
+
+    def tune(self, root: ET.Element) -> bool:
+        """Sets the equalities and options of a tree; says whether it has any.
+
+        Those of an attached model too: where it has options of its own, MuJoCo warns of any that differ.
+        """
+        found = [element for parent in root.iter("equality") for element in parent if element.tag in EQUALITIES]
+        for element in found:
+            element.attrib.update(self._setting.equality_attributes())
+        options = root.findall("option")
+        for option in options:
+            option.attrib.update(self._setting.option_attributes())
+        return bool(found or options)
+
+    def write(self, path: Path, root: ET.Element, header: str = "") -> None:
+        """Writes a tree.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        try:
+            path.write_text(header + ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"'{path}' cannot be written: {one_line(error)}") from None
+        self.written.append(path)
+
+    def _keep(self, path: Path) -> str:
+        return Path(os.path.relpath(path.resolve(), self._out.parent.resolve())).as_posix()
+
+    def _keep_model(self, path: Path, element: ET.Element) -> str:
+        root = self.read(path, path.parent, prefix="")
+        if not self.tune(root):
+            return self._keep(path)
+        name = self._free(path.with_name(f"{self._out.stem}-{path.name}"))
+        self.write(self._out.with_name(name), root)
+        return name

@@ -1,0 +1,317 @@
+"""An examination: one model looked at from its loops to what would hold them, each part as soon as it is there."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import InputError, choose
+from oarlock.cases.case import load_case
+from oarlock.diagnosis.loops.events import RankHistory, rank_events
+from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
+from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
+from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
+from oarlock.diagnosis.runs import controls
+from oarlock.diagnosis.runs.drifts import Drift, find_drifts
+from oarlock.diagnosis.runs.exact import ExactRun, record_exact
+from oarlock.diagnosis.runs.recipe import Recipe, recipe
+from oarlock.diagnosis.runs.recording import Recording, record
+from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
+from oarlock.diagnosis.runs.stability import EqualityStability, stability
+from oarlock.diagnosis.runs.trials import Start
+from oarlock.diagnosis.wish import Wish
+from oarlock.mechanics.inequalities import ignore_inequalities
+from oarlock.mechanics.load import load_model
+from oarlock.mechanics.prepare import INTEGRATORS, load_mechanism
+from oarlock.stepping.start import consistent_start
+
+DURATION_S = 2.0
+"""Of the run, unless it is asked for or a case says otherwise."""
+
+MAX_STEPS = 20_000
+"""Steps of the run at most: a longer one is cut unless its duration was asked for."""
+
+POSES = 60
+"""So many poses of the motion at most are looked at for unique reactions."""
+
+PARTS = ("loops", "start", "run", "causes", "remedy", "forces")
+"""What is looked at, in this order."""
+
+
+@dataclass
+class Examination:
+    """All that was found out; a part that is not there yet, or cannot be, is None, and ``missing`` says why.
+
+    Attributes:
+        file: as it was given; path: of the MJCF.
+        model: the user's, with nothing changed.
+        qpos, qvel: the user's start, (nq) and (nv).
+        begins: where that start comes from, in words.
+        laws: actuator → control as a law of time; driven: the same in words.
+        own_s: how long the case's own run takes, s; None of a file.
+        steps: of the run.
+        ignored: contacts, limits and friction that were left out, in words; empty if none were.
+        pose: the nearest closed start, with the loops there (``pose.loops``).
+        settings: spring, damper and stability of every equality.
+        recording: MuJoCo's own run; exact: the exact solution from the closed start.
+        drifts: of every equality at three levels.
+        attribution: the drift by cause; accelerations: what MuJoCo's differ by from the exact ones at the same states.
+        history: the rank along the exact motion, or along MuJoCo's where there is none.
+        recipe: what would hold it.
+        reactions: which are unique.
+        given, determined: wrenches of MuJoCo's run and of the exact one.
+        missing: part → why it is not there.
+    """
+
+    file: str
+    path: Path
+    model: mujoco.MjModel
+    qpos: np.ndarray
+    qvel: np.ndarray
+    begins: str
+    laws: dict[str, str]
+    driven: str
+    own_s: float | None
+    wish: Wish
+    steps: int = 0
+    ignored: str = ""
+    pose: ClosedPose | None = None
+    settings: list[EqualityStability] = field(default_factory=list)
+    recording: Recording | None = None
+    exact: ExactRun | None = None
+    drifts: list[Drift] = field(default_factory=list)
+    attribution: Attribution | None = None
+    accelerations: Accelerations | None = None
+    history: RankHistory | None = None
+    recipe: Recipe | None = None
+    reactions: Uniqueness | None = None
+    given: tuple[Wrench, ...] = ()
+    determined: tuple[Wrench, ...] = ()
+    missing: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def timestep_s(self) -> float:
+        """Of the model."""
+        return float(self.model.opt.timestep)
+
+    @property
+    def duration_s(self) -> float:
+        """Of the run."""
+        return self.steps * self.timestep_s
+
+    @property
+    def closed(self) -> bool:
+        """Whether there is a closed start to run the exact solution from."""
+        return self.pose is not None and self.pose.closed
+
+
+def begin(model_or_file: str, wish: Wish) -> Examination:
+    """Loads a file, or the model of a case by its name, and decides how it is to move.
+
+    Raises:
+        InputError: no such file, malformed MJCF, no equality, an unknown keyframe or actuator, a number out of range.
+    """
+    for what, value in (
+        ("--duration", wish.duration_s),
+        ("--timestep", wish.timestep_s),
+        ("--target", wish.target),
+    ):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise InputError(f"{what} = {value:g}, expected a finite number > 0")
+    integrator = None if wish.integrator is None else choose("integrator", wish.integrator, list(INTEGRATORS))
+    path = Path(model_or_file)
+    found = _of_file(path, wish) if path.is_file() else _of_case(model_or_file, wish)
+    model = found.model
+    if integrator:
+        model.opt.integrator = INTEGRATORS[integrator]
+    model.opt.timestep = wish.timestep_s or model.opt.timestep
+    found.steps = _steps(model, wish, found.own_s)
+    if wish.ignore_inequalities:
+        found.ignored = ignore_inequalities(found.model)
+    return found
+
+
+def _of_file(path: Path, wish: Wish) -> Examination:
+    model = load_model(path)
+    data = mujoco.MjData(model)
+    begins = "the model's own pose, at rest"
+    if model.nkey or wish.keyframe is not None:
+        wanted = wish.keyframe
+        key = controls.keyframe(model, int(wanted) if wanted is not None and wanted.isdigit() else wanted)
+        mujoco.mj_resetDataKeyframe(model, data, key)
+        for body in range(model.nbody):  # every data that is made of the model then has them there
+            if (mocap := int(model.body_mocapid[body])) >= 0:
+                model.body_pos[body], model.body_quat[body] = data.mocap_pos[mocap], data.mocap_quat[mocap]
+        begins = f"keyframe '{model.key(key).name or f'#{key}'}'"
+    kind, laws = _driven(model, wish)
+    return Examination(str(path), path, model, data.qpos.copy(), data.qvel.copy(), begins, laws, kind, None, wish)
+
+
+def _driven(model: mujoco.MjModel, wish: Wish) -> tuple[str, dict[str, str]]:
+    """The controls in words, and as laws."""
+    if model.nu == 0:
+        return "no actuators", {}
+    kind = wish.controls or ("constant" if wish.constant else "keyframe" if _keeps(model, wish) else "random")
+    laws = controls.laws(
+        model, choose("kind of controls", kind, controls.KINDS), wish.keyframe, wish.seed, wish.constant
+    )
+    words = {
+        "keyframe": "the keyframe's controls, held",
+        "constant": "constant controls",
+        "random": f"a random smooth control of every actuator (seed {wish.seed})",
+    }
+    return words[kind], laws
+
+
+def _keeps(model: mujoco.MjModel, wish: Wish) -> bool:
+    """Whether there is a keyframe that says what the controls are."""
+    return bool(model.nkey) and bool(model.key_ctrl[controls.keyframe(model, wish.keyframe)].any())
+
+
+def _of_case(name: str, wish: Wish) -> Examination:
+    case = load_case(name)
+    run = case.file.run
+    model = load_mechanism(case, integrator=run.integrator)
+    start = consistent_start(model, case)
+    kind, laws = "the case's own drive", controls.written_out(case.file.drive)
+    if wish.controls or wish.constant:
+        kind, laws = _driven(model, wish)
+    elif not laws:
+        kind = "no drive" if model.nu else "no actuators"
+    ignoring = run.ignore_inequalities and not wish.ignore_inequalities
+    ignored = ignore_inequalities(model) if ignoring else ""
+    begins = f"the start of case '{case.name}'"
+    return Examination(
+        name,
+        case.model_path,
+        model,
+        start.qpos,
+        start.qvel,
+        begins,
+        laws,
+        kind,
+        run.duration_s,
+        wish,
+        ignored=ignored or "",
+    )
+
+
+def _steps(model: mujoco.MjModel, wish: Wish, own_s: float | None) -> int:
+    timestep_s = float(model.opt.timestep)
+    if not (math.isfinite(timestep_s) and timestep_s > 0):
+        raise InputError(f"timestep of the model = {timestep_s:g} s, expected a finite number > 0")
+    steps = max(1, round((wish.duration_s or own_s or DURATION_S) / timestep_s))
+    return steps if wish.duration_s else min(steps, MAX_STEPS)
+
+
+def examine(found: Examination) -> Iterator[str]:
+    """Fills an examination part by part; gives the name of each as soon as it is there (``PARTS``).
+
+    A part that cannot be found out leaves its reason in ``missing``; the others go on.
+    """
+    data = _data(found)
+    found.pose = nearest_closed(found.model, found.qpos, found.qvel, data)
+    yield "loops"
+    found.settings = stability(found.model)
+    yield "start"
+    _run(found)
+    yield "run"
+    _causes(found)
+    yield "causes"
+    _remedy(found)
+    yield "remedy"
+    _forces(found)
+    yield "forces"
+
+
+def _data(found: Examination) -> mujoco.MjData:
+    data = mujoco.MjData(found.model)
+    data.qpos[:], data.qvel[:] = found.qpos, found.qvel
+    return data
+
+
+def _run(found: Examination) -> None:
+    assert found.pose is not None
+    with _Reason(found, "run"):
+        found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps)
+    if found.closed:
+        with _Reason(found, "exact"):
+            found.exact = record_exact(found.model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
+    else:
+        found.missing["exact"] = "there is no closed start to run it from"
+    if found.recording is not None:
+        found.drifts = find_drifts(found.recording, found.exact)
+
+
+def _causes(found: Examination) -> None:
+    if found.recording is None or not found.recording.steps:
+        return
+    with _Reason(found, "causes"):
+        attribution = attribute(found.recording)
+        if attribution.holds:
+            found.attribution = attribution
+            found.accelerations = attribution.accelerations()
+        else:
+            found.missing["causes"] = (
+                f"MuJoCo's rows do not follow the law of an oscillator (defect {attribution.defect:.1g}), "
+                f"as under the integrator '{found.recording.integrator}'"
+            )
+
+
+def _remedy(found: Examination) -> None:
+    if not found.closed or found.pose is None:
+        found.missing["remedy"] = "there is no closed start to try settings from"
+    elif found.wish.budget_s <= 0:
+        found.missing["remedy"] = "it was not asked for"
+    elif found.recording is not None:
+        start = Start(found.pose.qpos, found.pose.qvel)
+        with _Reason(found, "remedy"):
+            found.recipe = recipe(
+                found.model, start, found.laws, found.wish.target, found.duration_s, budget_s=found.wish.budget_s
+            )
+
+
+def _forces(found: Examination) -> None:
+    assert found.pose is not None
+    data = _data(found)
+    path, times = _motion(found)
+    with _Reason(found, "rank"):
+        if len(path) > 1 and found.closed:
+            found.history = rank_events(found.model, path, times, data)
+    every = max(1, len(path) // POSES)
+    with _Reason(found, "reactions"):
+        found.reactions = find_uniqueness(found.model, path[::every] if len(path) > 1 else None, data)
+    with _Reason(found, "forces"):
+        if found.recording is not None and found.recording.steps:
+            found.given = wrenches(found.model, found.recording.qpos, found.recording.force, data)
+        if found.exact is not None and len(found.exact.qpos):
+            found.determined = wrenches(found.model, found.exact.qpos, found.exact.force, data)
+
+
+def _motion(found: Examination) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (T, nq) and times (T) of the exact motion, or of MuJoCo's where that is longer than half of it."""
+    runs = [run for run in (found.exact, found.recording) if run is not None and len(run.qpos)]
+    if not runs:
+        return np.zeros((0, found.model.nq)), np.zeros(0)
+    run = max(runs, key=lambda run: len(run.qpos))
+    finite = np.isfinite(run.qpos).all(axis=1)
+    return run.qpos[finite], run.time[finite]
+
+
+class _Reason:
+    """Keeps the reason why a part of an examination cannot be had."""
+
+    def __init__(self, found: Examination, part: str):
+        self._found, self._part = found, part
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type | None, error: BaseException | None, _trace: object) -> bool:
+        if isinstance(error, InputError):
+            self._found.missing[self._part] = str(error)
+            return True
+        return False

@@ -1,0 +1,1 @@
+"""What the mechanism is, at one pose: its loops, rows, ranks, reactions."""

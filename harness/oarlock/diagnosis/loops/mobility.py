@@ -1,0 +1,157 @@
+"""Whether a closed mechanism can move, and what keeps it from moving.
+
+Closed is not enough: a mechanism whose lengths are a little off may close in one pose and be locked there. So a closed
+pose is left by a small step along every motion that its rows admit, and closed again: a real motion gets away, one that
+the rows admit at this pose only snaps back.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.loops.assembly import Assembly
+from oarlock.diagnosis.loops.loops import Loops, scaled_rows
+from oarlock.diagnosis.loops.paths import PARALLEL, path_of
+from oarlock.diagnosis.loops.rank import spectrum
+from oarlock.mechanics.names import element_name
+
+PROBE = 0.02
+"""rad or m. A step along a motion, longer than what separates a double root from two, shorter than a limb."""
+
+GETS_AWAY = 0.5
+"""Of that step: who is left with less was pulled back."""
+
+TILTED = 0.5
+"""rad. A hinge that stands further off the others' axis is not meant to be parallel to them."""
+
+_JOINT = mujoco.mjtObj.mjOBJ_JOINT
+_SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+
+
+@dataclass(frozen=True)
+class Tilt:
+    """A hinge or slide that alone keeps a loop from being planar.
+
+    Attributes:
+        joint: its name.
+        equality: that closes the loop.
+        radians: between its axis and where the others want it.
+    """
+
+    joint: str
+    equality: str
+    radians: float
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """Whether a group of equalities can move at a closed pose.
+
+    Attributes:
+        equalities: of the group.
+        dof: degrees of freedom of its rows at the pose.
+        near: the fewest at closed poses around it: ``dof`` unless the pose is singular.
+        moves: whether there are such poses: with False it is locked, whatever the rows say.
+        kept: smallest singular value of its rank, of the largest: a mechanism that is locked because of a small error
+            has a small one.
+        frees: equalities without which it would have a degree of freedom.
+    """
+
+    equalities: tuple[str, ...]
+    dof: int
+    near: int
+    moves: bool
+    kept: float
+    frees: tuple[str, ...]
+
+    @property
+    def locked(self) -> bool:
+        """Whether nothing of it can move."""
+        return not self.moves
+
+    @property
+    def singular(self) -> bool:
+        """Whether more motions are admitted here than around."""
+        return self.moves and self.dof > self.near
+
+
+def find_mobility(assembly: Assembly, loops: Loops) -> tuple[Mobility, ...]:
+    """How every group can move from the present pose, which is closed and of these loops; the pose is kept.
+
+    Equalities between ends that no joint moves are left out: they have nothing to lock.
+    """
+    pose = assembly.data.qpos.copy()
+    found = []
+    for number, group in enumerate(loops.groups):
+        if not group.dofs:
+            continue
+        members = loops.members(number)
+        near, moves = group.dof, False
+        # Each motion and one of them all, both ways: at a singular pose a mixture of branches leads nowhere.
+        motions = _motions(assembly, loops, number, pose)
+        for motion in [*motions, motions.sum(axis=0)] if len(motions) else []:
+            for step in (PROBE, -PROBE):
+                there = pose.copy()
+                mujoco.mj_integratePos(assembly.model, there, step * motion / np.abs(motion).max(), 1.0)
+                assembly.place(there)
+                if assembly.close():
+                    away = np.abs(assembly.difference(pose, assembly.data.qpos)).max()
+                    if away > GETS_AWAY * PROBE:
+                        moves, near = True, min(near, group.dofs - _rank_of(assembly, members))
+        frees = tuple(loops.loops[one].name for one in members if loops.loops[one].freed)
+        found.append(Mobility(group.equalities, group.dof, near, moves, group.spectrum.kept, frees))
+    assembly.place(pose)
+    return tuple(found)
+
+
+def _rank_of(assembly: Assembly, members: list[int]) -> int:
+    """The rank of some equalities at the present pose."""
+    rows = assembly.rows_of_all(members)
+    scaled, _ = scaled_rows(assembly, assembly.jacobian())
+    return spectrum(np.linalg.svd(scaled[rows], compute_uv=False)).rank
+
+
+def _motions(assembly: Assembly, loops: Loops, number: int, pose: np.ndarray) -> np.ndarray:
+    """A basis (dof, nv) of the velocities that the rows of a group admit to its own joints."""
+    assembly.place(pose)
+    members, dofs = loops.members(number), loops.dofs(number)
+    rows = assembly.jacobian()[assembly.rows_of_all(members)][:, dofs]
+    motions = np.zeros((loops.groups[number].dof, assembly.model.nv))
+    motions[:, dofs] = np.linalg.svd(rows)[2][loops.groups[number].rank :]
+    return motions
+
+
+# Tilted axes.
+
+
+def find_tilts(assembly: Assembly, names: set[str]) -> tuple[Tilt, ...]:
+    """Joints of some loops that alone are not in the plane of most, with the axes of the model's own pose.
+
+    There the author drew them; in another pose a tilted crank turns the axes after it too.
+    """
+    if not names:
+        return ()
+    model, own = assembly.model, mujoco.MjData(assembly.model)
+    own.mocap_pos[:], own.mocap_quat[:] = assembly.data.mocap_pos, assembly.data.mocap_quat
+    mujoco.mj_kinematics(model, own)
+    found: dict[str, Tilt] = {}
+    for equality in assembly.equalities:
+        path = path_of(model, own, equality)
+        hinges = [joint for joint in path.joints if model.jnt_type[joint] == _HINGE]
+        if equality.name not in names or path.shape != "spatial" or len(hinges) < 3:
+            continue
+        axes = own.xaxis[hinges]
+        off = np.linalg.norm(np.cross(axes[:, None], axes[None]), axis=2)
+        normal = int((off <= PARALLEL).sum(axis=1).argmax())
+        if 2 * int((off[normal] <= PARALLEL).sum()) <= len(hinges):
+            continue
+        angles = dict(zip(hinges, np.arcsin(np.minimum(off[normal], 1.0)).tolist(), strict=True))
+        for joint in path.joints:
+            if model.jnt_type[joint] == _SLIDE:
+                angles[joint] = float(np.arcsin(min(1.0, abs(float(own.xaxis[joint] @ axes[normal])))))
+        for joint, angle in angles.items():
+            if PARALLEL < angle <= TILTED:
+                name = element_name(model, _JOINT, joint)
+                found.setdefault(name, Tilt(name, equality.name, angle))
+    return tuple(found.values())

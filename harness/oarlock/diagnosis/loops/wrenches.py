@@ -1,0 +1,212 @@
+"""What goes through each equality over time, in newtons and newton metres, and how much of it the motion determines.
+
+Multipliers that differ by a null vector of Jᵀ do the same. λ is split into its orthogonal projections onto range(J) and
+null(Jᵀ): every solver must agree on the first, whatever it makes of the second; minimum-norm multipliers have none of
+the second. The split is orthogonal in the units of MuJoCo's rows, where newtons and newton metres count alike. What no
+choice of units changes is said by ``uniqueness``: which directions of a force are determined.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import polars as pl
+
+from oarlock.base.errors import InputError
+from oarlock.diagnosis.loops.assembly import Assembly
+from oarlock.diagnosis.loops.forces import coupling_slope, quat_product, torque_map, turns
+from oarlock.diagnosis.loops.loops import Loops, loops_at, scales_along
+from oarlock.mechanics.names import Equality
+
+_CHUNK = 1 << 21
+"""Numbers of J that are held at once."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """A force, a torque and couplings over time; what an equality has none of is None.
+
+    Attributes:
+        force: on the first body at its anchor, world axes (T, 3), N; the second gets the opposite.
+        torque: on the first body, world axes (T, 3), N m; the second gets the opposite.
+        ends: of a joint or tendon equality, what it does to each of its ends (T, 1 or 2): N m on a hinge, N on a slide
+            or as the tension of a tendon that it lengthens.
+    """
+
+    force: np.ndarray | None
+    torque: np.ndarray | None
+    ends: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """What goes through one equality.
+
+    Attributes:
+        equality: its name.
+        ends: names of its bodies, joints or tendons.
+        units: of ``ends`` of a coupling; empty for others.
+        total: all of it.
+        free: the part that the motion does not determine; the rest is determined.
+        frames: orientations of the first and second body (T, 3, 3), for connects and welds.
+    """
+
+    equality: str
+    ends: tuple[str, ...]
+    units: tuple[str, ...]
+    total: Series
+    free: Series
+    frames: tuple[np.ndarray, ...]
+
+    def in_frame(self, vectors: np.ndarray, body: int) -> np.ndarray:
+        """Vectors (T, 3) given in world axes, in those of the first (0) or second (1) body."""
+        return np.einsum("tji,tj->ti", self.frames[body], vectors)
+
+
+def wrenches(
+    model: mujoco.MjModel,
+    qpos: np.ndarray,
+    multipliers: np.ndarray,
+    data: mujoco.MjData | None = None,
+    loops: Loops | None = None,
+) -> tuple[Wrench, ...]:
+    """The wrench through every active equality along a recorded motion.
+
+    Args:
+        model: any; left alone.
+        qpos: poses (T, nq).
+        multipliers: λ (T, n) of all rows of the active equalities, in the order of the model: MuJoCo's ``efc_force``,
+            or exact ones; rows that MuJoCo leaves out are 0 (see ``Assembly.at_rows``).
+        data: mocap bodies and which equalities are active; left alone.
+        loops: of a closed pose, whose ranks hold for the motion; None: those of the first pose, closed.
+
+    Raises:
+        InputError: another number of rows or poses, or as ``find_loops``.
+    """
+    assembly = Assembly(model, data)
+    expected = (len(qpos), len(assembly.rows))
+    if multipliers.shape != expected:
+        raise InputError(f"multipliers of the shape {multipliers.shape}, expected {expected}: poses × rows")
+    if loops is None:
+        assembly.place(qpos[0])
+        loops = loops_at(assembly, assembly.close(), dependent=False)
+    scales = scales_along(assembly, qpos)
+    turned, slopes, free = _Turned(assembly, len(qpos)), np.zeros((len(qpos), len(assembly.equalities))), []
+    size = max(1, _CHUNK // max(1, len(assembly.rows) * model.nv))
+    for first in range(0, len(qpos), size):
+        stack = np.zeros((len(qpos[first : first + size]), len(assembly.rows), model.nv))
+        for at in range(len(stack)):
+            assembly.place(qpos[first + at])
+            stack[at] = scales[:, None] * assembly.whitened(assembly.jacobian())
+            turned.read(first + at)
+            slopes[first + at] = [
+                0.0 if one.kind in ("connect", "weld") else coupling_slope(assembly, one) for one in assembly.equalities
+            ]
+        free.append(_free_part(assembly, loops, stack, scales, multipliers[first : first + size]))
+    undetermined = np.concatenate(free) if free else np.zeros(expected)
+    found = []
+    for number, equality in enumerate(assembly.equalities):
+        rows, loop = assembly.rows_of(number), loops.loops[number]
+        total, part = (
+            _series(turned, equality, values[:, rows], slopes[:, number]) for values in (multipliers, undetermined)
+        )
+        frames = tuple(turned.matrix(body) for body in equality.bodies) if total.force is not None else ()
+        found.append(Wrench(equality.name, loop.ends, _units(model, equality), total, part, frames))
+    return tuple(found)
+
+
+def _free_part(
+    assembly: Assembly, loops: Loops, stack: np.ndarray, scales: np.ndarray, multipliers: np.ndarray
+) -> np.ndarray:
+    """The part of multipliers (T, n) in null(Jᵀ), from scaled rows (T, n, nv) and the ranks of the groups."""
+    found = np.zeros_like(multipliers)
+    for number, group in enumerate(loops.groups):
+        rows = assembly.rows_of_all(loops.members(number))
+        dead = rows[scales[rows] == 0.0]
+        found[:, dead] = multipliers[:, dead]  # rows that hold nothing are free, and dependent on no other
+        rows = rows[scales[rows] > 0.0]
+        if len(rows) <= group.rank:
+            continue
+        some = stack[:, rows]
+        # A basis of range(J): eigenvectors to the largest eigenvalues. The rank is known, so that squares do no harm.
+        wide = len(rows) <= some.shape[2]
+        square = some @ some.transpose(0, 2, 1) if wide else some.transpose(0, 2, 1) @ some
+        largest = np.linalg.eigh(square)[1][:, :, square.shape[1] - group.rank :]
+        basis = np.linalg.qr((largest if wide else some @ largest) / scales[rows, None])[0]
+        given = multipliers[:, rows, None]
+        found[:, rows] = (given - basis @ (basis.transpose(0, 2, 1) @ given))[..., 0]
+    return found
+
+
+class _Turned:
+    """Orientations (T, 4) of the bodies of connects and welds."""
+
+    def __init__(self, assembly: Assembly, steps: int):
+        self.assembly = assembly
+        self._bodies = sorted({body for one in assembly.equalities for body in one.bodies})
+        self._quats = np.zeros((steps, len(self._bodies), 4))
+
+    def read(self, at: int) -> None:
+        """Takes over the present pose as that of a sample."""
+        self._quats[at] = self.assembly.data.xquat[self._bodies]
+
+    def quat(self, body: int) -> np.ndarray:
+        """Of one body."""
+        return self._quats[:, self._bodies.index(body)]
+
+    def matrix(self, body: int) -> np.ndarray:
+        """Of one body, as matrices (T, 3, 3)."""
+        quat = self.quat(body)
+        conjugate = quat * np.array([1.0, -1.0, -1.0, -1.0])
+        columns = quat_product(quat_product(quat[:, None], np.eye(4)[1:]), conjugate[:, None])
+        return columns[..., 1:].transpose(0, 2, 1)
+
+
+def _series(turned: _Turned, equality: Equality, multipliers: np.ndarray, slopes: np.ndarray) -> Series:
+    model = turned.assembly.model
+    if equality.kind == "connect":
+        return Series(multipliers, None, None)
+    if equality.kind == "weld":
+        first, second = (
+            quat_product(turned.quat(body), turn)
+            for body, turn in zip(equality.bodies, turns(model, equality), strict=True)
+        )
+        map_ = torque_map(first, second, float(model.eq_data[equality.index, 10]))
+        return Series(multipliers[:, :3], np.einsum("tij,tj->ti", map_, multipliers[:, 3:]), None)
+    ends = [multipliers[:, 0]]
+    if model.eq_obj2id[equality.index] >= 0:
+        ends.append(-slopes * multipliers[:, 0])
+    return Series(None, None, np.column_stack(ends))
+
+
+def _units(model: mujoco.MjModel, equality: Equality) -> tuple[str, ...]:
+    if equality.kind in ("connect", "weld"):
+        return ()
+    ids = [int(model.eq_obj1id[equality.index]), int(model.eq_obj2id[equality.index])]
+    if equality.kind == "tendon":
+        return tuple("N" for index in ids if index >= 0)
+    slide = mujoco.mjtJoint.mjJNT_SLIDE
+    return tuple("N" if model.jnt_type[index] == slide else "N m" for index in ids if index >= 0)
+
+
+def wrench_table(found: tuple[Wrench, ...], times_s: np.ndarray) -> pl.DataFrame:
+    """Wrenches as a table: a row a time, equality, frame (``world`` or a body) or end, and part (all or free).
+
+    Columns ``fx_N`` … ``tz_Nm`` of connects and welds act on the first body; ``along`` of couplings has a unit beside.
+    """
+    parts = []
+    for wrench in found:
+        for part, series in (("all", wrench.total), ("free", wrench.free)):
+            head = {"time_s": times_s, "equality": wrench.equality, "part": part}
+            if series.ends is not None:
+                for end, unit, values in zip(wrench.ends, wrench.units, series.ends.T, strict=True):
+                    parts.append(pl.DataFrame({**head, "frame": end, "along": values, "unit": unit}))
+                continue
+            for frame, name in ((None, "world"), *((body, end) for body, end in enumerate(wrench.ends))):
+                columns = {}
+                for letter, unit, vectors in (("f", "N", series.force), ("t", "Nm", series.torque)):
+                    if vectors is not None:
+                        turned = vectors if frame is None else wrench.in_frame(vectors, frame)
+                        columns |= {f"{letter}{axis}_{unit}": turned[:, k] for k, axis in enumerate("xyz")}
+                parts.append(pl.DataFrame({**head, "frame": name, **columns}))
+    return pl.concat(parts, how="diagonal") if parts else pl.DataFrame()

@@ -1,0 +1,1 @@
+"""What short runs show: recordings, the exact solution, trials, and the settings that hold a loop."""

@@ -1,0 +1,75 @@
+"""How far each equality drifts in a run, at the level of positions, velocities and accelerations."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.loops.gaps import opening
+from oarlock.diagnosis.loops.layout import Layout
+from oarlock.diagnosis.runs.exact import ExactRun
+from oarlock.diagnosis.runs.recording import Recording
+
+LEVELS = ("position", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class Drift:
+    """The largest deviation of one equality in a run, and when it was; None in a unit that it does not have.
+
+    Attributes:
+        equality: its name.
+        level: ``position`` (m, rad), ``velocity`` (m/s, rad/s) or ``acceleration`` (m/s², rad/s²).
+        metres, radians: MuJoCo as configured.
+        time_s: when the larger of the two was, s.
+        exact_metres, exact_radians: the exact solution; of positions only, None for the other levels.
+    """
+
+    equality: str
+    level: str
+    metres: float | None
+    radians: float | None
+    time_s: float
+    exact_metres: float | None = None
+    exact_radians: float | None = None
+
+    @property
+    def largest(self) -> float:
+        """The larger of metres and radians."""
+        return max(self.metres or 0.0, self.radians or 0.0)
+
+
+def find_drifts(recording: Recording, exact: ExactRun | None) -> list[Drift]:
+    """Three levels of every equality, in the order of the model."""
+    acceleration = np.where(recording.present, recording.reached + recording.curvature, 0.0)
+    levels = dict(zip(LEVELS, (recording.position, recording.velocity, acceleration), strict=True))
+    found = []
+    for place, equality in enumerate(recording.layout.equalities):
+        for level, values in levels.items():
+            rates = level != "position"
+            metres, radians, at = _worst(recording.model, recording.layout, place, values, rates)
+            ours = (None, None)
+            if exact is not None and not rates:
+                own = exact.layout.equalities.index(equality) if equality in exact.layout.equalities else None
+                if own is not None and len(exact.position):
+                    ours = _worst(recording.model, exact.layout, own, exact.position, False)[:2]
+            time_s = float(recording.time[at]) if recording.steps else 0.0
+            found.append(Drift(equality.name, level, metres, radians, time_s, *ours))
+    return found
+
+
+def _worst(
+    model: mujoco.MjModel, layout: Layout, place: int, values: np.ndarray, rates: bool
+) -> tuple[float | None, float | None, int]:
+    """Largest metres and radians of an equality, and the step of the larger one."""
+    equality, own = layout.equalities[place], values[:, layout.of_equality(place)]
+    if not len(own):
+        return None, None, 0
+    # Lengths of the first three rows, and of the rest: the row with the largest of each is the worst moment.
+    parts = [own[:, :3], own[:, 3:]] if own.shape[1] == 6 else [own]
+    instants = [int(np.nan_to_num(np.linalg.norm(part, axis=1)).argmax()) for part in parts]
+    found = [opening(model, equality, own[at], rates) for at in instants]
+    metres = max((one.metres for one in found if one.metres is not None), default=None)
+    radians = max((one.radians for one in found if one.radians is not None), default=None)
+    largest = max(range(len(found)), key=lambda index: found[index].largest)
+    return metres, radians, instants[largest]

@@ -1,0 +1,397 @@
+"""What would hold a loop: settings in closed form for a wanted drift, each verified by a run.
+
+Deadbeat, solref "2h 0.5" with solimp "0.9999 0.9999 0.001 0.5 2", is h²K = hB = 1: under Euler a deviation is gone two
+steps later, and what is left is what one or two steps add, which falls with h². So a drift r₂ at h becomes the wanted
+one at h' = h √(0.7 target / r₂). Under Runge–Kutta nothing ends in two steps, and "4h 1" is often the better one: both
+are tried. Costs are measured, and the cheapest setting that holds is taken, then tried from disturbed starts as well.
+"""
+
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import mujoco
+
+from oarlock.base.errors import InputError
+from oarlock.diagnosis.runs.prediction import predict
+from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_trial
+from oarlock.diagnosis.runs.walking import integrator_name
+
+STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""MuJoCo's smallest softness, the same at every deviation."""
+
+MARGIN = 0.7
+"""A timestep is chosen for so much of the target."""
+
+CORRECTIONS = 4
+"""So often a timestep is corrected that was expected to do and did not."""
+
+HALVINGS = 6
+"""So often a timestep is halved where a run diverges and gives no drift to compute with."""
+
+SEEDS = (1, 2)
+"""Disturbed starts that a recipe is verified from."""
+
+MAX_STEPS = 400_000
+"""Steps of a trial at most."""
+
+BUDGET_S = 30.0
+"""Time for all trials together; one that would not fit into what is left is not begun."""
+
+FLOOR = 0.5
+"""A drift that falls by less than this when the timestep is halved or more stands on something else."""
+
+LEAP, PROBE = 8.0, 4.0
+"""Before a timestep is made smaller by more than the first, it is by the second: to see whether that helps at all."""
+
+_OVERHEAD_US = 10.0
+"""What a step takes besides MuJoCo: looking at it."""
+
+WASTED = 0.2
+"""A timestep that leaves less of the target is finer than it needs to be."""
+
+LOST = 0.01
+"""Of the largest kinetic energy: beyond it Runge–Kutta is tried for the energy's sake."""
+
+ALIKE = 1.25
+"""Costs within this factor count as the same: they are measured. Of such runs the own integrator's goes first, then the
+one that opens least."""
+
+Outcome = Literal["holds", "reached", "not-reached"]
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What was tried, and what holds.
+
+    Attributes:
+        target: wanted drift, m or rad.
+        outcome: ``holds``: as authored already; ``reached``: with ``chosen``; ``not-reached``: ``chosen`` is the best.
+        reason: in words: what was needed, or what stands in the way.
+        authored: the run as authored.
+        chosen: the run with the settings that are recommended, from the user's start.
+        verified: runs with the same settings from disturbed starts.
+        conserving: a run by Runge–Kutta that holds too, and whose energy error is a tenth of the chosen one's or less;
+            None where the chosen one loses less than ``LOST``, or there is no such run.
+        trials: every run that was made, in order.
+    """
+
+    target: float
+    outcome: Outcome
+    reason: str
+    authored: Trial
+    chosen: Trial
+    verified: list[Trial]
+    conserving: Trial | None
+    trials: list[Trial]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the drift stays within the target, also from the disturbed starts."""
+        return self.outcome != "not-reached"
+
+    @property
+    def mjcf(self) -> str:
+        """The recommended settings as MJCF to paste; empty where nothing has to change."""
+        return "" if self.chosen.setting == self.authored.setting else self.chosen.setting.mjcf
+
+    @property
+    def pareto(self) -> list[Trial]:
+        """Of the runs from the user's start those that no other one beats in both drift and cost, by cost."""
+        own = [trial for trial in self.trials if trial.start == self.authored.start and math.isfinite(trial.drift)]
+        front: list[Trial] = []
+        for trial in sorted(own, key=lambda trial: (trial.cost, trial.drift)):
+            if not front or trial.drift < front[-1].drift:
+                front.append(trial)
+        return front
+
+
+def deadbeat(timestep_s: float, integrator: str) -> Setting:
+    """h²K = hB = 1 at the smallest softness."""
+    return Setting(timestep_s, integrator, (2.0 * timestep_s, 0.5), STIFF_SOLIMP)
+
+
+def critical(timestep_s: float, integrator: str) -> Setting:
+    """A time constant of four timesteps, critically damped, at the smallest softness: for Runge–Kutta."""
+    return Setting(timestep_s, integrator, (4.0 * timestep_s, 1.0), STIFF_SOLIMP)
+
+
+def recipe(
+    model: mujoco.MjModel,
+    start: Start,
+    laws: dict[str, str],
+    target: float,
+    duration_s: float,
+    *,
+    seeds: tuple[int, ...] = SEEDS,
+    max_steps: int = MAX_STEPS,
+    budget_s: float = BUDGET_S,
+    recording: Recording | None = None,
+) -> Recipe:
+    """Finds settings that keep every row within a target, by runs of MuJoCo alone.
+
+    Args:
+        model: the user's; it is left alone.
+        start: closed, with velocities along the constraints.
+        laws: the controls, as of ``controls.laws``.
+        target: wanted drift, m or rad.
+        duration_s: of every run.
+        seeds: of the disturbed starts that the outcome is verified from.
+        max_steps: of a run.
+        budget_s: time for all runs.
+        recording: of the run as authored, to predict the drift of the first setting from; a prediction from a soft run
+            is off by about the square of that run's drift.
+
+    Raises:
+        InputError: the target or the duration is not a finite number above 0.
+    """
+    for what, value in (("target", target), ("duration_s", duration_s)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{what} = {value:g}, expected a finite number > 0")
+    return _Search(model, start, laws, target, duration_s, max_steps, budget_s, recording).run(seeds)
+
+
+_Family = tuple[str, str]
+"""A way to set equalities (deadbeat or critical), and an integrator."""
+
+_WAYS = {"deadbeat": deadbeat, "critical": critical}
+
+
+class _Search:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        start: Start,
+        laws: dict[str, str],
+        target: float,
+        duration_s: float,
+        max_steps: int,
+        budget_s: float,
+        recording: Recording | None,
+    ):
+        self._recording = recording if recording is not None and recording.steps > 1 else None
+        self._model, self._start, self._laws = model, start, laws
+        self._target, self._duration_s, self._max_steps = target, duration_s, max_steps
+        self._until = time.perf_counter() + budget_s
+        self._refused = ""
+        self._trials: list[Trial] = []
+        self._authored: Trial | None = None
+
+    def run(self, seeds: tuple[int, ...]) -> Recipe:
+        model = self._model
+        own, timestep = integrator_name(model), float(model.opt.timestep)
+        starts = [found for seed in seeds if (found := disturbed(model, self._start, seed)) is not None]
+        authored = self._try("as authored", Setting.authored(model), always=True)
+        assert authored is not None
+        if authored.drift <= self._target:
+            verified = self._verify(authored, starts)
+            if all(trial.drift <= self._target for trial in verified):
+                return self._recipe("holds", "it holds as it stands", authored, authored, verified)
+        if authored.opening > self._target:
+            reason = f"the start itself is open by {authored.opening:.2g}, more than the target: close it first"
+            return self._recipe("not-reached", reason, authored, authored, [])
+        best = self._best(own, timestep)
+        if best is None:
+            best = authored
+        verified = self._verify(best, starts) if best.drift <= self._target else []
+        for _ in range(CORRECTIONS):
+            worst = max((trial.drift for trial in verified), default=0.0)
+            if worst <= self._target or not math.isfinite(worst):
+                break
+            way = self._way(best)
+            shorter = self._shorter(best.setting.timestep_s, worst)
+            again = self._try(f"{way}, for disturbed starts", _WAYS[way](shorter, best.setting.integrator))
+            if again is None:
+                break
+            best, verified = again, self._verify(again, starts)
+        holds = best.drift <= self._target and all(trial.drift <= self._target for trial in verified)
+        reason = self._success(best) if holds else self._failure(best, verified)
+        if holds and not verified and seeds:
+            reason += "; not tried from a disturbed start"
+        return self._recipe("reached" if holds else "not-reached", reason, authored, best, verified)
+
+    def _recipe(self, outcome: Outcome, reason: str, authored: Trial, chosen: Trial, verified: list[Trial]) -> Recipe:
+        conserving = self._conserving(chosen) if outcome != "not-reached" else None
+        # A step takes as long with any solref: of what the trials with one integrator measured the least is it.
+        least: dict[str, float] = {}
+        for trial in self._trials:
+            integrator = trial.setting.integrator
+            least[integrator] = min(trial.step_us, least.get(integrator, math.inf))
+        fair = {id(trial): replace(trial, step_us=least[trial.setting.integrator]) for trial in self._trials}
+        base = fair[id(authored)]
+        fair = {key: trial.against(base) for key, trial in fair.items()}
+        return Recipe(
+            target=self._target,
+            outcome=outcome,
+            reason=reason,
+            authored=fair[id(authored)],
+            chosen=fair[id(chosen)],
+            verified=[fair[id(trial)] for trial in verified],
+            conserving=fair[id(conserving)] if conserving else None,
+            trials=[fair[id(trial)] for trial in self._trials],
+        )
+
+    def _conserving(self, chosen: Trial) -> Trial | None:
+        if chosen.setting.integrator == "rk4" or chosen.energy_error <= LOST * chosen.kinetic_energy:
+            return None
+        timestep = float(self._model.opt.timestep)
+        if not any(trial.setting.integrator == "rk4" for trial in self._own_trials()):
+            self._try("critical, rk4", critical(timestep, "rk4"))
+        found = [
+            trial
+            for trial in self._own_trials()
+            if trial.setting.integrator == "rk4"
+            and trial.drift <= self._target
+            and trial.energy_error <= 0.1 * chosen.energy_error
+        ]
+        return min(found, key=lambda trial: trial.seconds, default=None)
+
+    # The search.
+
+    def _best(self, own: str, timestep: float) -> Trial | None:
+        """The cheapest trial that holds, or the one that opens least."""
+        families: list[_Family] = [("deadbeat", own)] + ([("critical", own)] if own == "rk4" else [])
+        first = {family: self._first(family, timestep) for family in families}
+        if any(trial is not None and trial.drift <= self._target for trial in first.values()):
+            return self._cheapest(self._own_trials())
+        # Runge–Kutta takes four evaluations a step: worth it where Euler would need more steps than that.
+        if own != "rk4":
+            if own != "euler":
+                first["deadbeat", "euler"] = self._first(("deadbeat", "euler"), timestep)
+            least = min((trial.drift for trial in first.values() if trial), default=math.inf)
+            if not math.isfinite(least) or least / (MARGIN * self._target) > 2.0:
+                extra: list[_Family] = [("critical", "rk4"), ("deadbeat", "rk4")]
+                first |= {family: self._first(family, timestep) for family in extra}
+        for family, trial in sorted(first.items(), key=lambda item: self._expected(item[1])):
+            held = [one for one in self._own_trials() if one.drift <= self._target]
+            if trial and (not held or self._expected(trial) < min(one.seconds for one in held)):
+                self._refine(family, trial)
+        return self._cheapest(self._own_trials())
+
+    def _own_trials(self) -> list[Trial]:
+        return [trial for trial in self._trials[1:] if trial.start == self._start.name]
+
+    def _cheapest(self, trials: list[Trial]) -> Trial | None:
+        held = [trial for trial in trials if trial.drift <= self._target]
+        if held:
+            least, own = min(trial.seconds for trial in held), integrator_name(self._model)
+            alike = [trial for trial in held if trial.seconds <= ALIKE * least]
+            return min(alike, key=lambda trial: (trial.setting.integrator != own, trial.drift))
+        return min(trials, key=lambda trial: trial.drift, default=None)
+
+    def _expected(self, trial: Trial | None) -> float:
+        """Seconds that a run will take with a timestep at which this way should hold."""
+        if trial is None or not math.isfinite(trial.drift):
+            return math.inf
+        return trial.seconds * max(1.0, math.sqrt(trial.drift / (MARGIN * self._target)))
+
+    def _first(self, family: _Family, timestep: float) -> Trial | None:
+        """At the model's own timestep, or at half of it and so on where the run diverges."""
+        way, integrator = family
+        trial = None
+        for halving in range(HALVINGS + 1):
+            setting, expected = _WAYS[way](timestep / 2**halving, integrator), None
+            base = self._recording
+            if base is not None and base.integrator == integrator and not halving and setting.solref is not None:
+                expected = predict(base, setting.solref, STIFF_SOLIMP).drift
+            trial = self._try(f"{way}, {integrator}", setting, expected)
+            if trial is None or math.isfinite(trial.drift):
+                break
+        return trial
+
+    def _refine(self, family: _Family, trial: Trial) -> None:
+        way, integrator = family
+        for _ in range(CORRECTIONS):
+            if trial.drift <= self._target or not math.isfinite(trial.drift):
+                return
+            now = trial.setting.timestep_s
+            timestep, expected = self._shorter(now, trial.drift), MARGIN * self._target
+            if now / timestep > LEAP:
+                timestep, expected = now / PROBE, trial.drift / PROBE**2
+            setting = _WAYS[way](timestep, integrator)
+            after = self._try(f"{way}, {integrator}, smaller step", setting, expected)
+            if after is None or after.drift > FLOOR * trial.drift:
+                return
+            trial = after
+            if trial.drift < WASTED * self._target:  # h² did not hold on the way: a coarser one may do
+                self._coarser(family, trial)
+                return
+
+    def _coarser(self, family: _Family, trial: Trial) -> None:
+        way, integrator = family
+        timestep = self._shorter(trial.setting.timestep_s, trial.drift)
+        if timestep < float(self._model.opt.timestep):
+            self._try(f"{way}, {integrator}, coarser again", _WAYS[way](timestep, integrator), MARGIN * self._target)
+
+    def _shorter(self, timestep: float, drift: float) -> float:
+        """Timestep h' = h √(0.7 target/r), down to two digits."""
+        wanted = timestep * math.sqrt(MARGIN * self._target / drift)
+        unit = 10.0 ** (math.floor(math.log10(wanted)) - 1)
+        return float(f"{math.floor(wanted / unit) * unit:.1e}")
+
+    def _try(
+        self,
+        label: str,
+        setting: Setting,
+        predicted: float | None = None,
+        start: Start | None = None,
+        always: bool = False,
+    ) -> Trial | None:
+        start = start or self._start
+        steps = self._duration_s / setting.timestep_s
+        if not always:
+            if steps > self._max_steps:
+                self._refused = (
+                    f"a timestep of {setting.timestep_s:.2g} s would be needed, {steps:.3g} steps for "
+                    f"{self._duration_s:g} s, and at most {self._max_steps:,} are run"
+                )
+                return None
+            likely = 1e-6 * steps * (_OVERHEAD_US + max(trial.step_us for trial in self._trials))
+            if time.perf_counter() + likely > self._until:
+                self._refused = f"a run with a timestep of {setting.timestep_s:.2g} s would take too long"
+                return None
+        trial = run_trial(self._model, setting, start, self._laws, self._duration_s, label, predicted)
+        self._authored = self._authored or trial
+        trial = trial.against(self._authored)
+        self._trials.append(trial)
+        return trial
+
+    def _verify(self, trial: Trial, starts: list[Start]) -> list[Trial]:
+        runs = [self._try(trial.label, trial.setting, None, start) for start in starts]
+        return [run for run in runs if run]
+
+    def _way(self, trial: Trial) -> str:
+        made = _WAYS["critical"](trial.setting.timestep_s, trial.setting.integrator)
+        return "critical" if trial.setting == made else "deadbeat"
+
+    # In words.
+
+    def _success(self, trial: Trial) -> str:
+        authored = Setting.authored(self._model)
+        if trial.setting.integrator != authored.integrator:
+            changed = f"{trial.setting.integrator} in place of {authored.integrator}"
+            same = trial.setting.timestep_s == authored.timestep_s
+            return changed + (", at the same timestep" if same else f", at {trial.setting.timestep_s:g} s")
+        if trial.setting.timestep_s == authored.timestep_s:
+            return "stiffer equalities at the same timestep"
+        steps = f"{trial.setting.timestep_s:g} s in place of {authored.timestep_s:g} s"
+        return f"stiffer equalities and a timestep of {steps}"
+
+    def _failure(self, best: Trial, verified: list[Trial]) -> str:
+        said = []
+        worst = max((trial for trial in verified), key=lambda trial: trial.drift, default=best)
+        if not math.isfinite(best.drift):
+            said.append(f"no run stays finite: {best.end.message}")
+        elif best.drift <= self._target:
+            said.append(f"from a disturbed start '{worst.row}' opens by {worst.drift:.2g} {worst.unit}")
+        else:
+            said.append(f"'{best.row}' opens by {best.drift:.2g} {best.unit} at best")
+        if self._refused:
+            said.append(self._refused)
+        elif math.isfinite(best.drift) and best.drift > self._target:
+            said.append("a smaller timestep does not help: it stands on something else than softness and timestep")
+        if worst.row.kind in ("joint", "tendon"):
+            said.append(f"MuJoCo leaves J̇v out on rows of a {worst.row.kind} equality, and no softness makes up for it")
+        return "; ".join(said)

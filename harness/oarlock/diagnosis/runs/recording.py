@@ -1,0 +1,322 @@
+"""A run of MuJoCo as its user configured it, with everything that the row law needs, step by step.
+
+Only equality rows are kept. Contacts, limits and friction may be active: their forces count as given, and how many of
+their rows there were is noted.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import InputError
+from oarlock.diagnosis.loops.layout import Layout, RowColumns
+from oarlock.diagnosis.runs.controls import drive
+from oarlock.diagnosis.runs.walking import (
+    End,
+    diverged,
+    energy_error,
+    integrator_name,
+    other_power,
+    own_copy,
+    walk,
+    warnings_of,
+)
+from oarlock.mechanics.curvature import Curvature
+from oarlock.mechanics.drive import Drive
+from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.rows import closing_jacobian
+
+BLOCK_BYTES = 32_000_000
+"""Rows in the metric of M are kept for so many bytes of steps at once, to solve them together."""
+
+NOTHING = 1e-14
+"""1/kg. A row with less on the diagonal of A is zero but for rounding, such as a planar loop's third one."""
+
+NEGLIGIBLE = 1e-9
+"""Of the largest R f of a step. Where a solver left less of the rows, its force counts as exact: of R (f − f*), which
+is what a row sees, there is no more then, for A only takes from it."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """MuJoCo's own run. Arrays over time are (steps, …), at the start of each step; of rows (steps, rows).
+
+    Attributes:
+        model: a copy of the user's, with nothing changed but that MuJoCo does not reset a state that diverged.
+        position: r, m or rad (``efc_pos``).
+        velocity: ṙ = J v (``efc_vel``).
+        force: f, N or N m (``efc_force``).
+        exact_force: f* = (A + R)⁻¹ (aref − J a₀): what a solver without error would give; a₀ is the acceleration
+            without the loops' forces, those of contacts, limits and friction taken as MuJoCo's.
+        softness: R (``efc_R``); stiffness: K; damping: B; impedance: d (``efc_KBIP``).
+        diagonal_approx: MuJoCo's estimate of the diagonal of A (``efc_diagA``); diagonal: the true one.
+        aref: MuJoCo's reference acceleration; reached: J·qacc; curvature: J̇v.
+        present: whether MuJoCo made the row.
+        qacc_free: the acceleration of a₀, (steps, nv).
+        energy: potential and kinetic, J, (steps, 2).
+        other_power: power of everything but loops, gravity and springs, W, (steps): drives, dampers, contacts, limits.
+        iterations: of the constraint solver, over all islands.
+        others: active rows that are not equalities'.
+        warnings: MuJoCo's own, with how often they came.
+    """
+
+    model: mujoco.MjModel
+    layout: Layout
+    integrator: str
+    timestep_s: float
+    time: np.ndarray
+    qpos: np.ndarray
+    qvel: np.ndarray
+    qacc: np.ndarray
+    qacc_free: np.ndarray
+    ctrl: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    force: np.ndarray
+    exact_force: np.ndarray
+    softness: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+    impedance: np.ndarray
+    diagonal_approx: np.ndarray
+    diagonal: np.ndarray
+    aref: np.ndarray
+    reached: np.ndarray
+    curvature: np.ndarray
+    present: np.ndarray
+    energy: np.ndarray
+    other_power: np.ndarray
+    iterations: np.ndarray
+    others: np.ndarray
+    warnings: dict[str, int]
+    end: End
+
+    @property
+    def steps(self) -> int:
+        """Steps that were recorded."""
+        return len(self.time)
+
+    @cached_property
+    def drift(self) -> np.ndarray:
+        """Largest deviation of any row at each step, (steps), m or rad."""
+        return np.abs(self.position).max(axis=1, initial=0.0)
+
+    @cached_property
+    def energy_error(self) -> np.ndarray:
+        """Energy (J, (steps)) that came from nowhere: change of the total less the work of all but loops and springs.
+
+        Nothing enters or leaves through closed loops and an exact integrator. Works by the trapezoidal rule.
+        """
+        return energy_error(self.energy, self.other_power, self.timestep_s)
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """MuJoCo's estimate of the diagonal of A over the true one, (rows), the median over the run.
+
+        A row is so many times softer than its solimp says. NaN for a row that moves nothing.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self.diagonal_approx / np.where(self.diagonal > NOTHING, self.diagonal, np.nan)
+        seen = np.isfinite(ratio).any(axis=0)
+        found = np.full(self.layout.rows, np.nan)
+        found[seen] = np.nanmedian(ratio[:, seen], axis=0)
+        return found
+
+    @property
+    def changes(self) -> np.ndarray:
+        """Times (s) at which the rows that MuJoCo makes changed."""
+        return self.time[1:][(self.present[1:] != self.present[:-1]).any(axis=1)]
+
+    @property
+    def others_active(self) -> tuple[float, float] | None:
+        """First and last time (s) at which rows other than equalities' were active; None if they never were."""
+        times = self.time[self.others > 0]
+        return (float(times[0]), float(times[-1])) if len(times) else None
+
+
+_ROWS = (
+    "position",
+    "velocity",
+    "force",
+    "exact_force",
+    "softness",
+    "stiffness",
+    "damping",
+    "impedance",
+    "diagonal_approx",
+    "diagonal",
+    "aref",
+    "reached",
+    "curvature",
+)
+
+
+def record(
+    model: mujoco.MjModel,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    laws: dict[str, str],
+    steps: int,
+    *,
+    act: np.ndarray | None = None,
+) -> Recording:
+    """Runs MuJoCo as the user configured it: integrator, solver, cone and options are the model's.
+
+    Args:
+        model: the user's; it is left alone.
+        qpos: start, (nq).
+        qvel: start, (nv).
+        laws: actuator → law of time, as of ``controls.laws``.
+        steps: how many.
+        act: activations at the start, (na); zero if left out.
+
+    Raises:
+        InputError: an active equality of a kind whose J̇v is not known, no equality row at all, or a wrong drive.
+    """
+    own = own_copy(model)
+    data = mujoco.MjData(own)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    if act is not None:
+        data.act[:] = act
+    return _Recorder(own, data, steps).run(drive(own, laws))
+
+
+class _Recorder:
+    """Takes down one run."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, steps: int):
+        self._model, self._data, self._steps = model, data, steps
+        self._layout = Layout.of(model, data.eq_active)
+        self._curvature = Curvature(model, data)
+        if self._layout.rows == 0:
+            raise InputError("no active equality, expected at least one that closes a loop")
+        rows, nv = self._layout.rows, model.nv
+        self._rows = {name: np.zeros((steps, rows)) for name in _ROWS}
+        self._present = np.zeros((steps, rows), dtype=bool)
+        self._time, self._others, self._iterations = np.zeros(steps), np.zeros(steps, int), np.zeros(steps, int)
+        self._power, self._energy = np.zeros(steps), np.zeros((steps, 2))
+        self._coordinates = np.zeros((steps, model.nq))
+        self._qvel, self._qacc, self._free = np.zeros((3, steps, nv))
+        self._ctrl = np.zeros((steps, model.nu))
+        self._columns = RowColumns(self._layout)
+        self._block = max(1, min(steps, BLOCK_BYTES // (8 * rows * max(rows, nv))))
+        self._whitened = np.zeros((self._block, rows, nv))
+        self._missed = np.zeros((self._block, rows))
+        self._solved = 0
+
+    def run(self, drive: Drive) -> Recording:
+        model, data = self._model, self._data
+        taken = 0
+        with np.errstate(all="ignore"), collected_warnings():  # of a run that diverges
+            for step in walk(model, data, drive, self._steps):
+                self._take(step)
+                taken = step + 1
+                if taken - self._solved == self._block:
+                    self._solve(taken)
+            self._solve(taken)
+        if taken and not self._present[:taken].any():
+            raise InputError("no equality has a row in this run, expected a closed loop: equalities are switched off")
+        if taken == self._steps:
+            end = End("finished", float(self._time[-1]) if taken else 0.0)
+        else:
+            end = diverged(model, data)
+        rows = {name: values[:taken] for name, values in self._rows.items()}
+        return Recording(
+            model=model,
+            layout=self._layout,
+            integrator=integrator_name(model),
+            timestep_s=float(model.opt.timestep),
+            time=self._time[:taken],
+            qpos=self._coordinates[:taken],
+            qvel=self._qvel[:taken],
+            qacc=self._qacc[:taken],
+            qacc_free=self._free[:taken],
+            ctrl=self._ctrl[:taken],
+            **rows,
+            present=self._present[:taken],
+            energy=self._energy[:taken],
+            other_power=self._power[:taken],
+            iterations=self._iterations[:taken],
+            others=self._others[:taken],
+            warnings=warnings_of(data),
+            end=end,
+        )
+
+    def _take(self, step: int) -> None:
+        model, data = self._model, self._data
+        ne, nefc = data.ne, data.nefc
+        self._time[step], self._others[step] = data.time, nefc - ne
+        self._iterations[step] = data.solver_niter[: max(1, data.nisland)].sum()
+        self._coordinates[step], self._qvel[step], self._qacc[step] = data.qpos, data.qvel, data.qacc
+        self._ctrl[step] = data.ctrl
+        self._energy[step] = data.energy
+        slot = step - self._solved
+        self._whitened[slot] = 0.0
+        self._missed[slot] = 0.0
+        self._power[step] = other_power(data)
+        if ne == 0:
+            self._free[step] = data.qacc
+            return
+        columns = self._columns.of(data)
+        rows = self._rows
+        for name, values in (
+            ("position", data.efc_pos),
+            ("velocity", data.efc_vel),
+            ("force", data.efc_force),
+            ("softness", data.efc_R),
+            ("aref", data.efc_aref),
+            ("diagonal_approx", data.efc_diagA),
+        ):
+            rows[name][step, columns] = values[:ne]
+        stiffness, damping, impedance, _ = data.efc_KBIP[:ne].T
+        rows["stiffness"][step, columns] = stiffness
+        rows["damping"][step, columns] = damping
+        rows["impedance"][step, columns] = impedance
+        self._present[step, columns] = True
+        bend = np.empty(ne)
+        self._curvature.write(data, bend)
+        rows["curvature"][step, columns] = bend
+
+        jacobian = closing_jacobian(model, data)
+        force = data.efc_force[:ne]
+        loops = jacobian.T @ force
+        change = np.zeros((2, model.nv))
+        mujoco.mj_solveM(model, data, change, np.stack([data.qfrc_constraint, data.qfrc_constraint - loops]))
+        rows["reached"][step, columns] = jacobian @ data.qacc
+        self._free[step] = data.qacc_smooth + change[1]
+        whitened = np.zeros_like(jacobian)
+        mujoco.mj_solveM2(model, data, whitened, jacobian, np.sqrt(data.qLDiagInv))
+        self._whitened[slot, columns] = whitened
+        achieved = jacobian @ (data.qacc_smooth + change[0])
+        self._missed[slot, columns] = data.efc_aref[:ne] - achieved - data.efc_R[:ne] * force
+
+    def _solve(self, taken: int) -> None:
+        """f* = f + (A + R)⁻¹ (aref − J a − R f) of the steps of a block: exact also where A + R is ill-conditioned."""
+        span, count = slice(self._solved, taken), taken - self._solved
+        whitened, missed = self._whitened[:count], self._missed[:count]
+        force, softness = self._rows["force"][span], self._rows["softness"][span]
+        diagonal = np.einsum("nij,nij->ni", whitened, whitened)
+        self._rows["diagonal"][span] = diagonal
+        exact = force.copy()
+        bound = NEGLIGIBLE * np.abs(softness * force).max(axis=1, initial=0.0)
+        left = ~(np.abs(missed).max(axis=1, initial=0.0) <= bound)
+        if left.any():
+            matrices = whitened[left] @ whitened[left].transpose(0, 2, 1)
+            scale = 1.0 / np.sqrt(diagonal[left] + np.where(self._present[span][left], softness[left], 1.0))
+            matrices *= scale[:, :, None] * scale[:, None, :]
+            np.einsum("nii->ni", matrices)[:] = 1.0
+            exact[left] += scale * solve_stack(matrices, (scale * missed[left])[..., None])[..., 0]
+        self._rows["exact_force"][span] = exact
+        self._solved = taken
+
+
+def solve_stack(matrices: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Solves symmetric systems (n, k, k) for (n, k, m); one that is singular is answered in the least-squares sense."""
+    try:
+        return np.linalg.solve(matrices, wanted)
+    except np.linalg.LinAlgError:
+        finite = np.asarray(np.isfinite(matrices)).all(axis=(1, 2), keepdims=True)
+        safe = np.where(finite, matrices, 0.0)
+        return np.linalg.pinv(safe, hermitian=True) @ wanted

@@ -1,0 +1,276 @@
+"""Runs of MuJoCo with other settings: how far the loops open, what the energy does, and what a step costs."""
+
+import time
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
+from oarlock.diagnosis.runs.controls import drive
+from oarlock.diagnosis.runs.walking import End, diverged, energy_error, integrator_name, other_power, own_copy, walk
+from oarlock.mechanics.inequalities import IGNORED
+from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.prepare import INTEGRATORS
+from oarlock.stepping.closing import close
+from oarlock.stepping.projection import Projector
+from oarlock.stepping.solvers import REFERENCE, SolverSpec
+
+MJCF_INTEGRATORS = {
+    "euler": "Euler",
+    "implicit": "implicit",
+    "implicitfast": "implicitfast",
+    "rk4": "RK4",
+    "discrete": "discrete",
+}
+"""MuJoCo's names of the integrators in MJCF."""
+
+DISTURBANCES = (0.05, 0.01)
+"""Deviations of what disturbs a start, rad or m, and per s; the smaller one where the larger cannot be closed."""
+
+_TIMED_STEPS, _TIMED = 200, 3
+"""Steps that a cost is taken from, and how often: the fastest counts."""
+
+_TIMED_S = 0.1
+"""s. Once so long was measured, once is enough."""
+
+_BLOCK = 1024
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A timestep and an integrator, with one solref and solimp for every equality, or the model's own.
+
+    Attributes:
+        integrator: as of ``walking.integrator_name``.
+        solref, solimp: None: as authored.
+    """
+
+    timestep_s: float
+    integrator: str
+    solref: tuple[float, float] | None = None
+    solimp: tuple[float, float, float, float, float] | None = None
+
+    @classmethod
+    def authored(cls, model: mujoco.MjModel) -> "Setting":
+        """What the model has."""
+        return cls(float(model.opt.timestep), integrator_name(model))
+
+    def apply(self, model: mujoco.MjModel) -> None:
+        """Sets it, in place; equalities of flexes keep their own."""
+        model.opt.timestep = self.timestep_s
+        if self.integrator in INTEGRATORS:
+            model.opt.integrator = INTEGRATORS[self.integrator]
+        ours = np.isin(model.eq_type, [int(kind) for kind in EQUALITIES.values()])
+        if self.solref is not None:
+            model.eq_solref[ours] = self.solref
+        if self.solimp is not None:
+            model.eq_solimp[ours] = self.solimp
+
+    def option_attributes(self) -> dict[str, str]:
+        """Attributes of ``<option>``."""
+        return {"timestep": _number(self.timestep_s), "integrator": MJCF_INTEGRATORS[self.integrator]}
+
+    def equality_attributes(self) -> dict[str, str]:
+        """Attributes of every equality; none where they stay as authored."""
+        given = {"solref": self.solref, "solimp": self.solimp}
+        return {name: " ".join(map(_number, values)) for name, values in given.items() if values is not None}
+
+    @property
+    def mjcf(self) -> str:
+        """The settings as MJCF, to paste."""
+        lines = [_element("option", self.option_attributes())]
+        if attributes := self.equality_attributes():
+            lines.append(f"<default>{_element('equality', attributes)}</default>")
+            lines.append("<!-- an equality with a class, solref or solimp of its own needs these attributes itself -->")
+        return "\n".join(lines)
+
+
+EQUALITIES = {
+    "connect": mujoco.mjtEq.mjEQ_CONNECT,
+    "weld": mujoco.mjtEq.mjEQ_WELD,
+    "joint": mujoco.mjtEq.mjEQ_JOINT,
+    "tendon": mujoco.mjtEq.mjEQ_TENDON,
+}
+"""MJCF elements of the equalities that settings are for."""
+
+
+def _number(value: float) -> str:
+    return repr(float(value)).removesuffix(".0")
+
+
+def _element(tag: str, attributes: dict[str, str]) -> str:
+    written = " ".join(f'{name}="{value}"' for name, value in attributes.items())
+    return f"<{tag} {written}/>"
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a run starts, with its loops closed: qpos (nq), qvel (nv), act (na; zero if None); a name for tables."""
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    act: np.ndarray | None = None
+    name: str = "own"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What one run gave.
+
+    Attributes:
+        label: what the setting is, in a word or two.
+        start: name of the start.
+        drift: largest deviation of any row over the run, m or rad; infinite if it diverged.
+        row: which one; time_s: when.
+        opening: largest deviation of any row at the start, m or rad.
+        energy_error: largest energy that came from nowhere, J, as ``Recording.energy_error``; kinetic_energy: the
+            largest, J.
+        steps: of the run; step_us: what one takes, µs.
+        cost: time of the run relative to the run as authored.
+        predicted: the drift that was expected, where one was.
+    """
+
+    label: str
+    setting: Setting
+    start: str
+    drift: float
+    row: Row
+    time_s: float
+    opening: float
+    energy_error: float
+    kinetic_energy: float
+    steps: int
+    step_us: float
+    end: End
+    cost: float = 1.0
+    predicted: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """Of the drift."""
+        return self.row.unit
+
+    @property
+    def seconds(self) -> float:
+        """What the run costs."""
+        return 1e-6 * self.steps * self.step_us
+
+    def against(self, authored: "Trial") -> "Trial":
+        """With its cost relative to another trial's."""
+        return replace(self, cost=self.seconds / authored.seconds if authored.seconds else 1.0)
+
+
+def run_trial(
+    model: mujoco.MjModel,
+    setting: Setting,
+    start: Start,
+    laws: dict[str, str],
+    duration_s: float,
+    label: str,
+    predicted: float | None = None,
+) -> Trial:
+    """Runs MuJoCo with a setting, and keeps the figures only.
+
+    Args:
+        model: the user's; it is left alone.
+        setting: for the run.
+        start: where it starts.
+        laws: as of ``recording.record``.
+        duration_s: how long.
+        label: for the trial.
+        predicted: the drift that is expected.
+    """
+    own = own_copy(model)
+    setting.apply(own)
+    steps = max(1, round(duration_s / setting.timestep_s))
+    data = _data(own, start)
+    layout = Layout.of(own, data.eq_active)
+    columns, block = RowColumns(layout), np.zeros((_BLOCK, layout.rows))
+    energy, power = np.zeros((steps, 2)), np.zeros(steps)
+    worst, row, at, taken, opening = 0.0, 0, 0, 0, 0.0
+    with np.errstate(all="ignore"), collected_warnings():
+        for step in walk(own, data, drive(own, laws), steps):
+            energy[step], power[step] = data.energy, other_power(data)
+            slot = step % _BLOCK
+            if data.ne == layout.rows:
+                block[slot] = data.efc_pos[: layout.rows]
+            else:
+                block[slot] = 0.0
+                block[slot, columns.of(data)] = data.efc_pos[: data.ne]
+            if step == 0:
+                opening = float(np.abs(block[0]).max(initial=0.0))
+            taken = step + 1
+            if slot == _BLOCK - 1 or taken == steps:
+                worst, row, at = _worst(block[: slot + 1], taken, worst, row, at)
+        if taken < steps:
+            worst, row, at = _worst(block[: taken % _BLOCK], taken, worst, row, at)
+        step_us = _step_us(own, start, steps)
+    finished = taken == steps
+    errors = energy_error(energy[:taken], power[:taken], setting.timestep_s)
+    return Trial(
+        label=label,
+        setting=setting,
+        start=start.name,
+        drift=worst if finished else float("inf"),
+        row=layout.named[row],
+        time_s=at * setting.timestep_s,
+        opening=opening,
+        energy_error=float(np.abs(errors).max(initial=0.0)),
+        kinetic_energy=float(energy[:taken, 1].max(initial=0.0)),
+        steps=steps,
+        step_us=step_us,
+        end=End("finished", float(data.time)) if finished else diverged(own, data),
+        predicted=predicted,
+    )
+
+
+def _data(model: mujoco.MjModel, start: Start) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = start.qpos, start.qvel
+    if start.act is not None:
+        data.act[:] = start.act
+    return data
+
+
+def _worst(block: np.ndarray, taken: int, worst: float, row: int, at: int) -> tuple[float, int, int]:
+    if block.size == 0:
+        return worst, row, at
+    step, column = np.unravel_index(int(np.abs(block).argmax()), block.shape)
+    size = float(abs(block[step, column]))
+    return (size, int(column), taken - len(block) + int(step)) if size > worst else (worst, row, at)
+
+
+def _step_us(model: mujoco.MjModel, start: Start, steps: int) -> float:
+    count, fastest, first = min(_TIMED_STEPS, steps), np.inf, time.perf_counter()
+    for _ in range(_TIMED):
+        data = _data(model, start)
+        began = time.perf_counter()
+        mujoco.mj_step(model, data, nstep=count)
+        fastest = min(fastest, time.perf_counter() - began)
+        if time.perf_counter() - first > _TIMED_S:
+            break
+    return 1e6 * fastest / count
+
+
+def disturbed(model: mujoco.MjModel, start: Start, seed: int) -> Start | None:
+    """A start with normal numbers added to all coordinates and velocities, then closed; None if it cannot be.
+
+    Contacts and limits are not looked at: a disturbed start may touch what the given one does not.
+    """
+    own = own_copy(model)
+    own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    own.opt.disableflags |= IGNORED
+    for size in DISTURBANCES:
+        moved, pushed = np.random.default_rng(seed).normal(scale=size, size=(2, own.nv))
+        data = _data(own, start)
+        mujoco.mj_integratePos(own, data.qpos, moved, 1.0)
+        data.qvel += pushed
+        if not close(own, data, None):
+            continue
+        mujoco.mj_fwdPosition(own, data)
+        mujoco.mj_fwdVelocity(own, data)
+        if data.ne:
+            data.qvel += Projector(own, None, SolverSpec(REFERENCE)).correction(data, -data.efc_vel[: data.ne])
+        return Start(data.qpos.copy(), data.qvel.copy(), start.act, f"disturbed {seed}")
+    return None

@@ -1,0 +1,356 @@
+"""From the figures of a run to findings: why each equality drifts, what the loops cost, what would hold them."""
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.loops.gaps import opening
+from oarlock.diagnosis.loops.mobility import Mobility
+from oarlock.diagnosis.runs.drifts import Drift
+from oarlock.diagnosis.runs.recipe import LOST, Recipe
+from oarlock.diagnosis.runs.row_law import Share
+from oarlock.diagnosis.runs.trials import Setting, Trial
+from oarlock.diagnosis.runs.versions import without_curvature
+from oarlock.diagnosis.verdict.findings import Finding, Severity, found
+from oarlock.mechanics.rows import closing_jacobian
+
+SCALE = 3.0
+"""Times softer than solimp says: below it the difference is one that a user would not notice."""
+
+UNSURE = 0.25
+"""Of the drift at its worst moment: a second cause with so large a part is named too."""
+
+VISIBLE = 1e-4
+"""m or rad. A drift below it, beyond the target or not, is a note: MuJoCo's own softness makes as much of a light load,
+and no picture shows it."""
+
+MEANT = 0.05
+"""Smallest singular value of a group that is locked, of the largest: above it no small error locked it."""
+
+OLDER = 3.0
+"""Times the drift: so much more a version without J̇v must make of it to be worth a word."""
+
+SAGS = 1.5
+"""Times the largest sum of |f r|: a load that is let go takes f r once, and what overshoots is less than half of it. So
+much work is that of a loop that sags, which is compliance, and no motion that fades."""
+
+SAME_COST = 0.15
+"""Costs are measured: within this they are the same."""
+
+_IMPLICIT = 0.5
+"""Of the part of time stepping: the implicit damping behind it is what is named."""
+
+_INSTANTS = 50
+
+_NAMED = 3
+
+_WORDS = {
+    "compliance": ("D1", "softness"),
+    "curvature": ("D2", "missing J̇v"),
+    "stepping": ("D3", "time stepping"),
+    "solver": ("D6", "what the solver left"),
+    "start": ("S1", "the open start"),
+}
+
+
+def in_words(names: list[str]) -> str:
+    """Names in quotes, the first few of them."""
+    quoted = [f"'{name}'" for name in names]
+    if len(quoted) > _NAMED + 1:
+        quoted = [*quoted[:_NAMED], f"{len(quoted) - _NAMED} more"]
+    return " and ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
+
+
+def merged(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings with the same line as one, at the first one's element; the other elements are in ``also``."""
+    kept: dict[tuple[str, str, str], list[Finding]] = {}
+    for one in findings:
+        kept.setdefault((one.code, one.severity, one.line), []).append(one)
+    return [_with_others(alike[0], [one.element for one in alike[1:]]) for alike in kept.values()]
+
+
+def _with_others(first: Finding, others: list[str]) -> Finding:
+    if not others:
+        return first
+    line = f"{first.line}; the same of {in_words(others)}"
+    return replace(first, line=line, figures={**first.figures, "also": others})
+
+
+# Why.
+
+
+def drift(exam: Examination) -> Iterator[Finding]:
+    """D1 to D6, one a cause and independent group: of the equality that opens furthest, the others beside it."""
+    if exam.attribution is None or exam.recording is None:
+        return
+    recording, groups = exam.recording, _groups(exam)
+    beyond = _beyond_repair(exam)
+    causes: dict[tuple[str, int], list[tuple[Share, Drift, str]]] = {}
+    for share in exam.attribution.shares:
+        worst = position(exam, share.name)
+        if worst is None or worst.largest <= exam.wish.target or not math.isfinite(share.worst):
+            continue
+        if share.name in beyond or share.leading == "start":  # the start has its own finding
+            continue
+        code, words = _WORDS[share.leading]
+        if share.leading == "stepping" and _implicit(exam, _place(exam, share)) >= _IMPLICIT:
+            code, words = "D4", "implicit damping"
+        causes.setdefault((code, groups.get(share.name, -1)), []).append((share, worst, words))
+    for (code, _), members in causes.items():
+        share, worst, words = max(members, key=lambda one: abs(one[0].worst))
+        others = [f"{percent(part)} {_WORDS[cause][1]}" for cause, part in _seconds(share)]
+        most = f"{percent(share.shares[share.leading])} of it is {words}"
+        said = ", ".join([f"drifts {amount(exam, share)} at t = {share.time_s:.4g} s; {most}", *others])
+        also = {one.name: abs(one.worst) for one, *_ in members if one is not share}
+        if also:
+            said += f"; for the same reason also {in_words(list(also))}"
+        severity: Severity | None = None if worst.largest > VISIBLE else "note"
+        figures = _figures(share, worst) | ({"also": list(also)} if also else {})
+        yield found(code, exam.file, said, element=share.name, severity=severity, **figures)
+        softer = {one.name: float(recording.scale[one.row]) for one, *_ in members if recording.scale[one.row] > SCALE}
+        if code == "D1" and softer:
+            name = max(softer, key=lambda name: softer[name])
+            rest = [other for other in softer if other != name]
+            label = next(one.label for one, *_ in members if one.name == name)
+            said = f"the row that drifts most, {label}, is {softer[name]:.3g} times softer than solimp says"
+            one = found("D5", exam.file, said, element=name, severity=severity, ratio=softer[name])
+            yield _with_others(one, rest)
+
+
+def _seconds(share: Share) -> list[tuple[str, float]]:
+    return [(cause, part) for cause, part in share.shares.items() if cause != share.leading and abs(part) >= UNSURE]
+
+
+def _groups(exam: Examination) -> dict[str, int]:
+    return {loop.name: loop.group for loop in exam.pose.loops.loops} if exam.pose else {}
+
+
+def _beyond_repair(exam: Examination) -> set[str]:
+    """Equalities whose drift says nothing: of groups that cannot be closed, and where a run diverges by itself."""
+    groups, found_ = _groups(exam), set()
+    if not exam.closed and exam.pose is not None:
+        stuck = {groups.get(name) for culprit in exam.pose.culprits for name in culprit.equalities}
+        found_ |= {name for name, group in groups.items() if group in stuck or not stuck}
+    if exam.recording is not None and exam.recording.end.how == "diverged":
+        unstable = {groups.get(one.name) for one in exam.settings if not one.stable}
+        found_ |= {name for name, group in groups.items() if group in unstable}
+    return found_
+
+
+def _figures(share: Share, worst: Drift) -> dict[str, float | str | None]:
+    return {
+        "drift_m": worst.metres,
+        "drift_rad": worst.radians,
+        "time_s": share.time_s,
+        **{f"share_{cause}": value for cause, value in share.shares.items()},
+        "work_j": share.work,
+    }
+
+
+def position(exam: Examination, equality: str) -> Drift | None:
+    """The drift of an equality at the level of positions."""
+    return next((one for one in exam.drifts if one.equality == equality and one.level == "position"), None)
+
+
+def _place(exam: Examination, share: Share) -> int:
+    assert exam.recording is not None
+    names = [one.name for one in exam.recording.layout.equalities]
+    return names.index(share.name)
+
+
+def amount(exam: Examination, share: Share) -> str:
+    """The worst deviation of an equality in m and rad, for a line."""
+    recording = exam.recording
+    assert recording is not None
+    place = _place(exam, share)
+    step = int(np.abs(recording.time - share.time_s).argmin())
+    rows = recording.position[step, recording.layout.of_equality(place)]
+    return str(opening(exam.model, recording.layout.equalities[place], rows))
+
+
+def percent(share: float) -> str:
+    """A share in percent."""
+    return f"{100.0 * share:.0f} %"
+
+
+def _implicit(exam: Examination, place: int) -> float:
+    """How much of the part of time stepping is J ((vₙ₊₁ − vₙ)/h − qacc) against the row's spring; rms over the run."""
+    recording, attribution = exam.recording, exam.attribution
+    assert recording is not None
+    assert attribution is not None
+    if recording.integrator == "rk4" or recording.steps < 2:
+        return 0.0
+    own = recording.layout.of_equality(place)
+    update = np.diff(recording.qvel, axis=0) / recording.timestep_s - recording.qacc[:-1]
+    if not np.isfinite(update).all():
+        return 0.0
+    data = mujoco.MjData(recording.model)
+    spring = recording.stiffness * recording.impedance
+    pushed, parts = [], []
+    for step in np.unique(np.linspace(0, recording.steps - 2, _INSTANTS).astype(int)):
+        data.qpos[:] = recording.qpos[step]
+        mujoco.mj_fwdPosition(recording.model, data)
+        rows = closing_jacobian(recording.model, data)
+        if len(rows) != recording.layout.rows:
+            continue
+        pushed.append((rows[own] @ update[step]) / np.maximum(spring[step, own], mujoco.mjMINVAL))
+        parts.append(attribution.position[-1, step, own])
+    total = float(np.linalg.norm(parts)) if parts else 0.0
+    return float(np.linalg.norm(pushed)) / total if total else 0.0
+
+
+def meant(exam: Examination, one: Mobility) -> bool:
+    """Whether a lock is meant: rows far from redundant that hold all there is to move, a single joint, or a mocap's."""
+    assert exam.pose is not None
+    if exam.pose.tilts:
+        return False
+    own = [loop for loop in exam.pose.loops.loops if loop.name in one.equalities]
+    single = all(len(loop.path.joints) <= 1 for loop in own)
+    mocap = any(exam.model.body_mocapid[body] >= 0 for loop in own for body in loop.equality.bodies)
+    return one.kept > MEANT or single or mocap
+
+
+def _jammed(exam: Examination) -> bool:
+    return exam.pose is not None and any(one.locked and not meant(exam, one) for one in exam.pose.mobility)
+
+
+# At what price.
+
+
+def energy(exam: Examination) -> Iterator[Finding]:
+    """E1: what the rows themselves take or give, beyond what they hold back while they stand open under a load."""
+    recording, attribution = exam.recording, exam.attribution
+    if recording is None or attribution is None or not attribution.shares or recording.end.how == "diverged":
+        return
+    if (
+        not exam.closed
+        or exam.pose is None
+        or not exam.pose.consistent
+        or any(one.locked for one in exam.pose.mobility)
+    ):
+        return  # rows that pull a loop together or hold a lock do work, and that is not the matter with them
+    if recording.integrator == "rk4" and recording.others_active:
+        return  # an impact is a jump, of which the power cannot be told from two sides
+    taken, kinetic = float(attribution.work[-1].sum()), float(recording.energy[:, 1].max())
+    held_back = float(np.abs(recording.force * recording.position).sum(axis=1).max())
+    if kinetic <= 0.0 or abs(taken) <= max(LOST * kinetic, SAGS * held_back):
+        return
+    most = max(attribution.shares, key=lambda share: abs(share.work))
+    said = f"the loops {'take' if taken < 0 else 'add'} {abs(taken):.3g} J of a kinetic energy of up to {kinetic:.3g} J"
+    if len(attribution.shares) > 1:
+        said += f", '{most.name}' {abs(most.work):.3g} J of it"
+    error = float(recording.energy_error[-1])
+    yield found("E1", exam.file, said, element=most.name, work_j=taken, kinetic_j=kinetic, energy_error_j=error)
+
+
+def version(exam: Examination) -> Iterator[Finding]:
+    """V1: what J̇v makes of connects and welds in versions that leave it out."""
+    if exam.attribution is None or exam.recording is None or exam.recording.end.how == "diverged" or not exam.closed:
+        return
+    response, groups = np.abs(without_curvature(exam.recording)), _groups(exam)
+    worse: dict[int, list[tuple[float, str, str]]] = {}
+    for share in exam.attribution.shares:
+        rows = exam.recording.layout.of_equality(_place(exam, share))
+        own, now = response[:, rows], position(exam, share.name)
+        peak = float(own.max(initial=0.0))
+        if now is None or not peak > max(exam.wish.target, OLDER * now.largest):
+            continue
+        step, row = np.unravel_index(int(own.argmax()), own.shape)
+        unit = exam.recording.layout.units[rows.start + int(row)]
+        said = (
+            f"without J̇v, as before MuJoCo 3.7, it would drift by about {peak:.2g} {unit} more, at "
+            f"t = {exam.recording.time[step]:.4g} s; here it drifts {now.largest:.2g}"
+        )
+        worse.setdefault(groups.get(share.name, -1), []).append((peak, share.name, said))
+    for members in worse.values():
+        peak, name, said = max(members)
+        one = found("V1", exam.file, said, element=name, without=peak)
+        yield _with_others(one, [other for _, other, _ in members if other != name])
+
+
+# What to do.
+
+
+def remedy(exam: Examination) -> Iterator[Finding]:
+    """T1 or T3."""
+    recipe = exam.recipe
+    if recipe is None or recipe.outcome == "holds":
+        return
+    # From disturbed starts too: they may be what asks for other settings.
+    authored = [trial for trial in recipe.trials if trial.setting == Setting.authored(exam.model)]
+    before = max([recipe.authored, *authored], key=lambda trial: trial.drift)
+    after = max([recipe.chosen, *recipe.verified], key=lambda trial: trial.drift)
+    chosen = recipe.chosen
+    figures = {
+        "target": recipe.target,
+        "drift_before": _finite(before.drift),
+        "drift": _finite(after.drift),
+        "cost": chosen.cost,
+        "energy_error_before_j": _finite(recipe.authored.energy_error),
+        "energy_error_j": _finite(chosen.energy_error),
+    }
+    if not recipe.reached:
+        said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
+        yield found("T3", exam.file, said, element=after.row.equality, **figures)
+        return
+    whence = "" if before.start == recipe.authored.start else ", from a disturbed start"
+    parts = [f"no row off by more than {held(after)} in place of {held(before)}{whence}"]
+    if recipe.authored.end.how == "finished":
+        parts.append(f"energy error {chosen.energy_error:.2g} J in place of {recipe.authored.energy_error:.2g} J")
+    parts.append(f"at {_cost(chosen)}")
+    said = f"{recipe.reason}: {', '.join(parts)}"
+    if coarser := _alone(recipe):
+        said += f"; its own start alone is held with {coarser.setting.timestep_s:g} s, {held(coarser)}"
+    if recipe.conserving is not None:
+        least = recipe.conserving
+        said += f"; {least.label} leaves an energy error of {least.energy_error:.2g} J, at {_cost(least)}"
+    if _jammed(exam):
+        said += "; what is locked (S3) then stands still"
+    yield found("T1", exam.file, said, **figures)
+
+
+def _alone(recipe: Recipe) -> Trial | None:
+    """A cheaper trial that holds, but not from the disturbed starts."""
+    enough = [
+        trial
+        for trial in recipe.trials
+        if trial.start == recipe.chosen.start
+        and trial.setting.integrator == recipe.chosen.setting.integrator
+        and trial.setting.timestep_s > recipe.chosen.setting.timestep_s
+        and trial.drift <= recipe.target
+    ]
+    return max(enough, key=lambda trial: trial.setting.timestep_s, default=None)
+
+
+def _cost(trial: Trial) -> str:
+    return "the same cost" if abs(trial.cost - 1.0) <= SAME_COST else f"{trial.cost:.2g} times the cost"
+
+
+def held(trial: Trial) -> str:
+    """The drift of a trial, for a line."""
+    return f"{trial.drift:.2g} {trial.unit}" if math.isfinite(trial.drift) else "a run that diverges"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def above(exam: Examination, bound: float) -> Iterator[Finding]:
+    """D7: whatever exceeds the user's own bound, or cannot be shown to keep it."""
+    expected = f"expected at most {bound:g} (m, rad)"
+    for one in exam.drifts:
+        if one.level == "position" and not one.largest <= bound:
+            parts = [(one.metres, "m"), (one.radians, "rad")]
+            said = " and ".join(f"{value:.3g} {unit}" for value, unit in parts if value is not None and value > bound)
+            line = f"drifts {said or 'beyond all numbers'} at t = {one.time_s:.4g} s, {expected}"
+            yield found("D7", exam.file, line, element=one.equality, drift=_finite(one.largest), bound=bound)
+    if exam.recording is None:
+        yield found(
+            "D7", exam.file, f"there is no run to measure: {exam.missing.get('run', '')}, {expected}", bound=bound
+        )
+    elif exam.recording.end.how == "diverged":
+        yield found("D7", exam.file, f"the run diverges, {expected}", bound=bound)

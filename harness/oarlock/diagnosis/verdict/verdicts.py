@@ -1,0 +1,263 @@
+"""From figures to findings: what an examination amounts to, each with its place and its figures.
+
+What a code means and how it is measured stands in ``findings.toml``; the bounds that decide are here and, for all that
+a run shows, in ``blame``.
+"""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.loops.assembly import CONSISTENT
+from oarlock.diagnosis.loops.loops import Dependency, Group
+from oarlock.diagnosis.loops.poses import ClosedPose
+from oarlock.diagnosis.runs.stability import EqualityStability
+from oarlock.diagnosis.verdict import blame
+from oarlock.diagnosis.verdict.blame import in_words, merged
+from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
+from oarlock.mechanics.names import element_name
+
+ROUNDED = 1e-5
+"""m or rad, and per s: what six digits of a file leave open in a mechanism of some metres. No user's mistake."""
+
+_PAIRS = 3
+"""So many pairs of rows that say the same are named."""
+
+_JOINT = mujoco.mjtObj.mjOBJ_JOINT
+
+
+def judge(examination: Examination, fail_above: float | None = None) -> list[Finding]:
+    """All findings of the parts that are there, the worst first.
+
+    Equalities of which the same is to be said share a finding: it stands at one of them, and figure ``also`` has the
+    others.
+
+    Args:
+        examination: as far as it has come.
+        fail_above: bound on every equality's drift, m or rad; exceeding it is the error D7.
+    """
+    parts = (
+        _start,
+        _settings,
+        _run,
+        blame.drift,
+        blame.energy,
+        blame.remedy,
+        _motion,
+        _reactions,
+        _loops,
+        blame.version,
+    )
+    findings = [finding for part in parts for finding in merged(part(examination))]
+    if fail_above is not None:
+        findings += blame.above(examination, fail_above)
+    return worst_first(findings)
+
+
+# The loops.
+
+
+def _loops(exam: Examination) -> Iterator[Finding]:
+    model, file = exam.model, exam.file
+    data = mujoco.MjData(model)
+    off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    for index in np.flatnonzero(~data.eq_active.astype(bool) | off):
+        name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(index))
+        yield found("L6", file, "it is switched off: nothing here counts it", element=name)
+    if exam.pose is None:
+        return
+    loops = exam.pose.loops
+    if off or loops.rank == 0:
+        why = "equalities are switched off" if off or not loops.loops else "none of its rows holds anything"
+        yield found("L1", file, f"{model.neq} equalities, and {why}", equalities=model.neq)
+        return
+    for loop in loops.loops:
+        if loop.zero_rows:
+            planar = loops.groups[loop.group].shape == "planar"
+            yield found("L3", file, _zero(loop.zero_rows, len(loop.rows), planar), element=loop.name)
+    if not loops.closed:  # what rows have in common at a pose where they contradict one another means nothing
+        return
+    removable = [loop.name for loop in loops.loops if loop.removable]
+    every = len(removable) == len(loops.loops) > 1
+    if every:
+        said = f"any one of the {len(removable)} equalities could be left out, with the others in place"
+        yield found("L2", file, said, equalities=len(removable), rows=loops.rows, rank=loops.rank)
+    for number, group in enumerate(loops.groups):
+        pairs = [one for one in group.dependencies if one.proportional]
+        if pairs:
+            said = ", ".join(" as ".join(str(row) for row, _ in one.rows) for one in pairs[:_PAIRS])
+            more = f", and {len(pairs) - _PAIRS} more pairs" if len(pairs) > _PAIRS else ""
+            yield found(
+                "L4", file, f"the same is said by {said}{more}", element=pairs[0].equalities[0], pairs=len(pairs)
+            )
+        if every:
+            continue
+        own = [loop.name for loop in loops.loops if loop.group == number and loop.removable]
+        if own:
+            one_of = f"; so could be {in_words(own[1:])}, one at a time" if own[1:] else ""
+            said = f"could be left out, and the mechanism would move the same way{one_of}"
+            yield found("L7", file, said, element=own[0], also=own[1:])
+        yield from _dependent(exam, group, set(own))
+
+
+def _zero(rows: tuple[str, ...], count: int, planar: bool) -> str:
+    if len(rows) == count:
+        return "none of its rows holds anything here"
+    plane = ", across the plane of its loop" if planar and len(rows) == 1 else ""
+    holds = f"its row {rows[0]} holds" if len(rows) == 1 else f"its rows {', '.join(rows)} hold"
+    return f"{holds} nothing{plane}"
+
+
+def _dependent(exam: Examination, group: Group, removable: set[str]) -> Iterator[Finding]:
+    """Rows that follow from several others, where that is not a matter of a whole equality that could go."""
+    ones: list[Dependency] = [
+        one
+        for one in group.dependencies
+        if not one.proportional and len(one.equalities) > 1 and not removable & set(one.equalities)
+    ]
+    if ones:
+        names = list(dict.fromkeys(name for one in ones for name in one.equalities))
+        rows = "one of the rows" if len(ones) == 1 else f"{len(ones)} of the rows"
+        said = f"{rows} of {in_words(names)} {'follows' if len(ones) == 1 else 'follow'} from the others"
+        yield found("L7", exam.file, said, element=names[0], also=names[1:], rows=len(ones))
+
+
+# The start.
+
+
+def _start(exam: Examination) -> Iterator[Finding]:
+    pose, file = exam.pose, exam.file
+    if pose is None:
+        return
+    tilts = [f"the axis of '{one.joint}' is tilted by {one.radians:.3g} rad" for one in pose.tilts]
+    if not pose.closed:
+        for culprit in pose.culprits:
+            said = "; ".join([str(culprit), *tilts])
+            yield found("S2", file, said, element=culprit.equalities[0], gap=max(o.largest for o in culprit.openings))
+        if not pose.culprits:
+            worst = max(pose.left, key=lambda one: one.largest)
+            said = "; ".join([f"stays open by {worst}", *tilts])
+            yield found("S2", file, said, element=worst.equality, gap=worst.largest)
+        return
+    for one in pose.mobility:
+        if one.locked:
+            frees = [f"it would move without {' or '.join(repr(name) for name in one.frees)}"] if one.frees else []
+            said = "; ".join(["closed, and nothing of its loop can move", *tilts, *frees])
+            severity: Severity | None = "note" if blame.meant(exam, one) else None
+            yield found("S3", file, said, element=one.equalities[0], severity=severity, dof=one.dof, kept=one.kept)
+    if not pose.consistent:
+        yield _inconsistent(exam, pose)
+
+
+def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
+    worst = max(pose.openings, key=lambda one: one.largest)
+    fastest = max(pose.speeds, key=lambda one: one.largest)
+    element, said = fastest.equality, []
+    if worst.largest > CONSISTENT:
+        element = worst.equality
+        said = [f"stands open by {worst} at the start"]
+        if pose.moved_joint:
+            said.append(f"the nearest closed pose moves '{pose.moved_joint}' by {pose.moved:.3g}{_unit(exam, pose)}")
+    if fastest.largest > CONSISTENT:
+        whose = "" if fastest.equality == element else f"'{fastest.equality}' "
+        said.append(f"{whose}comes apart at {fastest.told('/s')} at the start")
+    size = max(worst.largest, fastest.largest)
+    if size <= ROUNDED:
+        said.append("as a file of six digits leaves it")
+    figures = {"opening": worst.largest, "speed": fastest.largest, "moved": pose.moved}
+    severity: Severity | None = "note" if size <= ROUNDED else None
+    return found("S1", exam.file, "; ".join(said), element=element, severity=severity, **figures)
+
+
+def _unit(exam: Examination, pose: ClosedPose) -> str:
+    model = exam.model
+    names = [element_name(model, _JOINT, joint) for joint in range(model.njnt)]
+    kind = model.jnt_type[names.index(pose.moved_joint)]
+    if kind == mujoco.mjtJoint.mjJNT_FREE:
+        return " (m or rad)"
+    return " m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else " rad"
+
+
+# The settings and the run.
+
+
+def _settings(exam: Examination) -> Iterator[Finding]:
+    diverged = exam.recording is None or exam.recording.end.how == "diverged"
+    for one in exam.settings:
+        if not one.stable:
+            said = f"a step multiplies its deviation by {one.growth:.3g}: {_limit(one)}"
+            if not diverged:
+                said += "; this run stays finite, for its softness damps"
+            severity: Severity | None = None if diverged else "warning"
+            figures = {"number": one.number, "growth": one.growth}
+            yield found("T2", exam.file, said, element=one.name, severity=severity, **figures)
+        given, used = one.settings.given, one.settings.effective
+        if given != used:
+            mixed = (given[0] > 0.0) != (given[1] > 0.0)
+            why = "for its signs are mixed" if mixed else f"for it is below 2 h = {2 * exam.timestep_s:g} s"
+            said = f"solref {given[0]:g} {given[1]:g} is taken as {used[0]:g} {used[1]:g}, {why}"
+            yield found("T4", exam.file, said, element=one.name, given=given[0], used=used[0])
+    newton = exam.model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
+    if newton and mujoco.mj_isSparse(exam.model) and mujoco.__version__ == "4.0.0":
+        yield found("V2", exam.file, f"{exam.model.nv} degrees of freedom: the Jacobian is sparse")
+
+
+def _limit(one: EqualityStability) -> str:
+    if one.integrator == "rk4":
+        h = one.settings.timestep_s
+        return f"h²K = {h * h * one.settings.spring:.3g} and hB = {h * one.settings.damping:.3g} under rk4"
+    return f"h²K + 2hB = {one.number:.3g} under {one.integrator}, stable below 4"
+
+
+def _run(exam: Examination) -> Iterator[Finding]:
+    recording = exam.recording
+    if recording is None:
+        return
+    if recording.end.how == "diverged":
+        yield found("R1", exam.file, recording.end.message, time_s=recording.end.time_s)
+    if recording.others_active is not None:
+        first, last = recording.others_active
+        said = f"between t = {first:.4g} and {last:.4g} s"
+        if exam.exact is not None and exam.exact.end.how == "refused":
+            said += f"; {exam.exact.end.message}, where the exact solution ends"
+        yield found("R2", exam.file, said, first_s=first, last_s=last)
+
+
+# Forces.
+
+
+def _reactions(exam: Examination) -> Iterator[Finding]:
+    if exam.reactions is None or not exam.closed:
+        return
+    together = {name for one in exam.reactions.together if one.unique for name in one.names}
+    for one in exam.reactions.equalities:
+        if one.unique:
+            continue
+        parts = [("force", one.force), ("torque", one.torque)]
+        said = [f"its {name} is {part}" for name, part in parts if part is not None and part.free]
+        if one.coupled is False:
+            said = ["its multiplier is not unique"]
+        if together & set(one.names):
+            said.append("the sum with those between the same bodies is unique")
+        yield found("U1", exam.file, "; ".join(said), element=one.names[0], verdict=one.verdict)
+
+
+def _motion(exam: Examination) -> Iterator[Finding]:
+    if exam.history is None:
+        return
+    singular = [event for event in exam.history.events if event.kind == "singular"]
+    for event in singular[:1]:
+        more = {0: "", 1: " and once more"}.get(len(singular) - 1, f" and {len(singular) - 1} more times")
+        said = f"{in_words(list(event.equalities))}: rank {exam.history.rank} falls to {event.rank}"
+        said += f" at t = {event.time_s:.6g} s{more}"
+        times = ", ".join(f"{one.time_s:.10g}" for one in singular)
+        yield found("L5", exam.file, said, element=event.equalities[0], also=list(event.equalities[1:]), times_s=times)
+    near = [event for event in exam.history.events if event.kind == "near"]
+    for event in sorted(near, key=lambda event: event.smallest)[:1]:
+        said = f"at t = {event.time_s:.4g} s the smallest singular value falls to {event.smallest:.2g} of its median"
+        if len(near) > 1:
+            said += f", the least of {len(near)} such moments"
+        names = list(event.equalities)
+        yield found("U2", exam.file, said, element=names[0], also=names[1:], smallest=event.smallest)

@@ -1,0 +1,1 @@
+"""From a case to finished runs: plan, tasks, laboratory, session."""

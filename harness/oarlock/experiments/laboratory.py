@@ -1,0 +1,189 @@
+"""The experiments: calibration, lockstep, one-step, free run. Each turns a task into finished runs.
+
+They are walked on the native path or on the Python path.
+"""
+
+import warnings
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+from threading import Event
+from typing import Literal
+
+import polars as pl
+
+from oarlock.base.core import MultiplierSolver
+from oarlock.base.errors import InputError
+from oarlock.cases.case import Case
+from oarlock.cases.case_file import Baumgarte, Form, Integrator
+from oarlock.cases.truth import load_truth
+from oarlock.experiments.task import Task, run_key
+from oarlock.stepping import native_path
+from oarlock.stepping.native_path import NativePath
+from oarlock.stepping.path import Spools, Tick
+from oarlock.stepping.projection import TRACKED
+from oarlock.stepping.python_path import PythonPath
+from oarlock.stepping.setup import Setup
+from oarlock.stepping.solvers import MUJOCO, SolverSpec
+from oarlock.tables.schema import SCHEMA, RunResult
+from oarlock.tables.spool import Spool, spools
+
+Stepping = Literal["auto", "native", "python"]
+"""Which path steps; ``auto`` is the native one where it can be taken."""
+
+
+STEPPINGS: list[Stepping] = ["auto", "native", "python"]
+
+
+Walk = Callable[[], list[RunResult]]
+"""One walk of an experiment, ready to go: gives the runs of all who answer along it."""
+
+
+class _StoppedError(Exception):
+    """The runs beside this one came to an end that is also its own."""
+
+
+class Laboratory:
+    """Runs the tasks of one case; with a time constant or a disturbed start of ``Setup`` where they are given.
+
+    What is too long for the memory is kept for the time being in ``folder``, or where the system keeps such.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        timestep_s: float | None,
+        duration_s: float,
+        tick: Tick,
+        *,
+        ignore_inequalities: bool = False,
+        stepping: Stepping = "auto",
+        solref_s: float | None = None,
+        seed: int | None = None,
+        folder: Path | None = None,
+    ):
+        self.case = case
+        self._solref_s, self._seed = solref_s, seed
+        self._ignoring = ignore_inequalities
+        self._timestep_s, self._duration_s = timestep_s, duration_s
+        self._listener = tick
+        self._stopped = Event()
+        # Not always the system's own folder: that may be memory, and where the results go there must be room anyway.
+        self._spools: Spools = partial(spools, schema=SCHEMA, folder=folder)
+        self._truth = load_truth(case) if seed is None else None  # it knows the case's own start only
+        self._stepping: Stepping = stepping
+        self._setups: dict[tuple[Integrator, str], Setup] = {}
+
+    def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
+        """The case, prepared."""
+        return Setup(
+            self.case,
+            self._truth,
+            integrator,
+            settings,
+            self._timestep_s,
+            self._duration_s,
+            self._ignoring,
+            solref_s=self._solref_s,
+            seed=self._seed,
+        )
+
+    def run(self, task: Task) -> Iterator[RunResult]:
+        """The runs of a task, each as soon as it is finished.
+
+        Raises:
+            InputError: the model or the task cannot be run as asked.
+        """
+        for walk in self._walks(task):
+            yield from walk()
+
+    def run_all(self, tasks: list[Task], threads: int) -> Iterator[RunResult]:
+        """The runs of many tasks in their order, natively on so many threads at once; each as soon as it is its turn.
+
+        Raises:
+            InputError: as ``run``; what comes before is given out first.
+        """
+        if threads == 1 or self._on_python():
+            for task in tasks:
+                yield from self.run(task)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            # Setting up is not for threads: MuJoCo's warnings go through one hook of the process.
+            walks = [pool.submit(walk) for task in tasks for walk in self._walks(task)]
+            try:
+                for walk in walks:
+                    yield from walk.result()
+            except BaseException:
+                self._stopped.set()
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def _tick(self, steps: int) -> None:
+        if self._stopped.is_set():
+            raise _StoppedError
+        self._listener(steps)
+
+    def _walks(self, task: Task) -> Iterator[Walk]:
+        setup = self._shared(task.integrator, task.settings)
+        path = self._path(task, setup)
+
+        def walk(names: list[tuple[str, Form | None]], go: Callable[[], tuple[list[Spool], str]]) -> list[RunResult]:
+            tables, message = go()
+            return [
+                self._result(task, setup, path.name, solver, form, steps, message)
+                for (solver, form), steps in zip(names, tables, strict=True)
+            ]
+
+        pairs: list[tuple[str, Form | None]] = [(str(spec), form) for form in task.forms for spec in task.solvers]
+        if task.mode == "calibration":
+            yield partial(walk, [(MUJOCO, None)], path.calibration)
+        elif task.mode == "lockstep":
+            projector = self._projector(task, "hard")
+            yield partial(walk, pairs, partial(path.lockstep, task.walker, projector, task.forms, task.solvers))
+        elif task.mode == "one-step":
+            yield partial(walk, pairs, partial(path.one_step, task.forms, task.solvers))
+        else:
+            for spec in task.solvers:
+                for form in (None,) if spec.name == MUJOCO else task.forms:
+                    yield partial(
+                        walk, [(str(spec), form)], partial(path.free, spec, form, self._projector(task, form))
+                    )
+
+    def _shared(self, integrator: Integrator, settings: str) -> Setup:
+        """A setup for all walks that ask for the same: they leave it as it is."""
+        if (integrator, settings) not in self._setups:
+            self._setups[integrator, settings] = self.setup(integrator, settings)
+        return self._setups[integrator, settings]
+
+    def _on_python(self) -> bool:
+        """Whether steps are taken on the Python path; says why where that was not asked for."""
+        if self._stepping == "python":
+            return True
+        refusal = native_path.refusal()
+        if refusal and self._stepping == "native":
+            raise InputError(f"no native stepping: {refusal}")
+        if refusal:
+            warnings.warn(f"stepping in Python, which is slower: {refusal}", stacklevel=2)
+        return bool(refusal)
+
+    def _path(self, task: Task, setup: Setup) -> NativePath | PythonPath:
+        terms = Baumgarte() if task.stabilisation == "projection" else self.case.file.baumgarte
+        kind = PythonPath if self._on_python() else NativePath
+        return kind(setup, terms, self._make, self._tick, self._spools)
+
+    def _make(self, spec: SolverSpec) -> MultiplierSolver:
+        return spec.with_defaults(rank_cut=self.case.file.rank_cut).make()
+
+    def _projector(self, task: Task, form: Form | None) -> SolverSpec | None:
+        projects = form == "hard" and task.stabilisation != "baumgarte"
+        return TRACKED.with_defaults(rank_cut=self.case.file.rank_cut) if projects else None
+
+    def _result(
+        self, task: Task, setup: Setup, path: str, solver: str, form: Form | None, steps: Spool, message: str
+    ) -> RunResult:
+        key = run_key(self.case.name, task, solver, form, setup.timestep_s, setup.steps, path)
+        ends = steps.collect(pl.col("unconverged").sum(), (pl.col("projection") != "landed").sum())
+        unconverged, unprojected = ends.row(0)
+        status = "diverged" if message else "unconverged" if unconverged else "unprojected" if unprojected else "done"
+        return RunResult(key, status, message, steps)

@@ -1,0 +1,105 @@
+"""The mechanism as points and lines, from its kinematics: what a drawing needs, without the model."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from oarlock.mechanics.names import element_name, equalities
+from oarlock.tables.spool import Spool
+
+TRACE_POINTS = 240
+
+
+def traced(steps: Spool) -> np.ndarray:
+    """Finite positions of a run, (steps, nq), at as many of its steps as a trace has points."""
+    finite = np.concatenate([np.isfinite(path).all(axis=1) for path in _paths(steps)])
+    wanted = _spread(np.flatnonzero(finite))
+    found, begin = [], 0
+    for path in _paths(steps):
+        found.append(path[wanted[(wanted >= begin) & (wanted < begin + len(path))] - begin])
+        begin += len(path)
+    return np.concatenate(found)
+
+
+def _paths(steps: Spool) -> Iterator[np.ndarray]:
+    for chunk in steps.chunks(["qpos"]):
+        width = chunk["qpos"].list.len()[0] if len(chunk) else 0
+        yield chunk["qpos"].explode(empty_as_null=False).to_numpy().reshape(len(chunk), width)
+
+
+def _spread(rows: np.ndarray) -> np.ndarray:
+    """As many as a trace has points, equally spaced, the first and last included."""
+    return rows[np.linspace(0, len(rows) - 1, min(TRACE_POINTS, len(rows))).astype(int)]
+
+
+def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[str, Any]:
+    """Bodies at the start, the anchors of the equalities there, and the anchors' traces along a path (steps, nq).
+
+    A body is drawn as a star: from its first joint to its other joints, its children's joints, the anchors on it and
+    its centre of mass. Points are world coordinates in m.
+    """
+    data = mujoco.MjData(model)
+
+    def place(qpos: np.ndarray) -> None:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+
+    place(start)
+    bodies = []
+    for body in range(1, model.nbody):
+        own = _joint_anchors(model, data, body)
+        points = own[1:]
+        for child in range(body + 1, model.nbody):
+            if model.body_parentid[child] == body:
+                points += _joint_anchors(model, data, child)[:1]
+        points += [point for anchor_body, point in _equality_anchors(model, data) if anchor_body == body]
+        points.append(data.xipos[body].copy())
+        hub = own[0] if own else data.xpos[body].copy()
+        bodies.append(
+            {
+                "name": element_name(model, mujoco.mjtObj.mjOBJ_BODY, body),
+                "grounded": bool(own) and int(model.body_parentid[body]) == 0,
+                "hub": hub.tolist(),
+                "points": [point.tolist() for point in points if np.linalg.norm(point - hub) > 1e-9],
+            }
+        )
+    anchors = [point.tolist() for _, point in _equality_anchors(model, data)]
+    traces: list[list[list[float]]] = [[] for _ in anchors]
+    for qpos in _spread(path[np.isfinite(path).all(axis=1)]):
+        place(qpos)
+        for trace, (_, point) in zip(traces, _equality_anchors(model, data), strict=True):
+            trace.append(point.tolist())
+    return {
+        "equalities": [equality.name for equality in equalities(model)],
+        "bodies": bodies,
+        "anchors": anchors,
+        "traces": traces,
+    }
+
+
+def _joint_anchors(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[np.ndarray]:
+    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    anchors: list[np.ndarray] = []
+    for joint in range(first, first + count):
+        anchor = data.xanchor[joint].copy()
+        if not any(np.allclose(anchor, known) for known in anchors):
+            anchors.append(anchor)
+    return anchors
+
+
+def _equality_anchors(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[int, np.ndarray]]:
+    """(body, world point) of both ends of every connect and weld."""
+    found = []
+    for equality in equalities(model):
+        if equality.kind not in ("connect", "weld"):
+            continue
+        for end, body in enumerate(equality.bodies):
+            if equality.sites:
+                point = data.site_xpos[equality.sites[end]].copy()
+            else:
+                point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ equality.anchor(model, end)
+            found.append((body, point))
+    return found

@@ -1,0 +1,127 @@
+"""J̇v: the part of the constraints' acceleration that needs no acceleration of the coordinates.
+
+The exact time derivative of MuJoCo's own rows of J, times v:
+
+- connect and weld: MuJoCo has it, for it asks them for aref = −B Jv − K d r − J̇v (since 3.7). Taking it back costs the
+  rounding of the other two terms.
+- joint and tendon: y − p(x) with a quartic p, y and x measured from the model's own pose; J̇v = ÿ − p'(x) ẍ − p''(x) ẋ²,
+  where ÿ and ẍ are 0 for joints and fixed tendons. MuJoCo leaves it out of their aref.
+"""
+
+from typing import NoReturn
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import InputError
+from oarlock.base.vectors import horner
+from oarlock.mechanics.kinematics import Kinematics
+from oarlock.mechanics.names import Equality, equalities
+from oarlock.mechanics.tendons import Tendon
+
+
+class _Coupling:
+    """y − p(x) of joints or tendons; a subclass says what x, ẋ, ẍ and ÿ are."""
+
+    def __init__(self, coefficients: np.ndarray, coupled: bool):
+        _, *linear = coefficients.tolist()
+        self._first = [power * coefficient for power, coefficient in enumerate(linear, 1)]
+        self._second = [power * coefficient for power, coefficient in enumerate(self._first[1:], 1)]
+        self._coupled = coupled
+        self.bodies: list[int] = []
+
+    def bend(self, data: mujoco.MjData, kinematics: Kinematics) -> float:
+        bend = self._bend(data, kinematics, 0)
+        if self._coupled:
+            x, rate = self._argument(data)
+            bend -= horner(self._first, x) * self._bend(data, kinematics, 1) + horner(self._second, x) * rate * rate
+        return bend
+
+    def _bend(self, data: mujoco.MjData, kinematics: Kinematics, end: int) -> float:
+        raise NotImplementedError
+
+    def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
+        raise NotImplementedError
+
+
+class _Joints(_Coupling):
+    def __init__(self, model: mujoco.MjModel, index: int):
+        joint = int(model.eq_obj2id[index])
+        super().__init__(model.eq_data[index, :5], joint >= 0)
+        self._qpos, self._dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        self._zero = float(model.qpos0[self._qpos])
+
+    def _bend(self, data: mujoco.MjData, kinematics: Kinematics, end: int) -> float:
+        return 0.0
+
+    def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
+        return float(data.qpos[self._qpos]) - self._zero, float(data.qvel[self._dof])
+
+
+class _Tendons(_Coupling):
+    def __init__(self, model: mujoco.MjModel, index: int):
+        ids = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
+        super().__init__(model.eq_data[index, :5], ids[1] >= 0)
+        self._tendons = [Tendon(model, tendon) for tendon in ids if tendon >= 0]
+        self.bodies = [body for tendon in self._tendons for body in tendon.bodies]
+        self._second_id = ids[1]
+        self._zero = float(model.tendon_length0[ids[1]])
+
+    def _bend(self, data: mujoco.MjData, kinematics: Kinematics, end: int) -> float:
+        return self._tendons[end].bend(data, kinematics)
+
+    def _argument(self, data: mujoco.MjData) -> tuple[float, float]:
+        return float(data.ten_length[self._second_id]) - self._zero, float(data.ten_velocity[self._second_id])
+
+
+class Curvature:
+    """J̇v of the active rows: connect, weld, joint and tendon equalities.
+
+    Raises:
+        InputError: an active equality of another kind, at once or when it is switched on.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
+        self._couplings: dict[int, _Coupling] = {}
+        self._unknown: dict[int, Equality] = {}
+        for equality in equalities(model):
+            index = equality.index
+            if equality.kind == "joint":
+                self._couplings[index] = _Joints(model, index)
+            elif equality.kind == "tendon":
+                self._couplings[index] = _Tendons(model, index)
+            elif equality.kind not in ("connect", "weld"):
+                self._unknown[index] = equality
+                if data.eq_active[index]:
+                    self._refuse(index)
+        bodies = [body for coupling in self._couplings.values() for body in coupling.bodies]
+        self._kinematics = Kinematics(model, bodies)
+
+    def _refuse(self, index: int) -> NoReturn:
+        equality = self._unknown[index]
+        raise InputError(
+            f"equality '{equality.name}' is a {equality.kind}, expected connect, weld, joint or tendon: "
+            "J̇v of other kinds is not known"
+        )
+
+    def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
+        """Writes J̇v (ne; m/s² or rad/s²) of a state whose position and velocity stages are done.
+
+        Goes by the rows that MuJoCo made: it leaves out an equality whose rows are zero throughout.
+
+        Raises:
+            InputError: an equality of another kind was switched on, or a tendon's length has no second derivative.
+        """
+        ne = data.ne
+        law = data.efc_KBIP
+        stiffness, damping, impedance = law[:ne, 0], law[:ne, 1], law[:ne, 2]
+        asked = damping * data.efc_vel[:ne] + stiffness * impedance * data.efc_pos[:ne] + data.efc_aref[:ne]
+        np.negative(asked, out)
+        if not self._couplings and not self._unknown:
+            return
+        self._kinematics.read(data)
+        for row, owner in enumerate(data.efc_id[:ne].tolist()):
+            if owner in self._couplings:
+                out[row] = self._couplings[owner].bend(data, self._kinematics)
+            elif owner in self._unknown:
+                self._refuse(owner)

@@ -1,0 +1,62 @@
+"""The drive: actuator controls as laws of time, written at the time of every stage of the integrator."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+
+from oarlock.base.core import TimeLaw
+from oarlock.base.errors import RefusedError, choose
+from oarlock.cases.case import Case
+from oarlock.mechanics.names import element_name
+
+
+class Drive:
+    """Writes the controls of a case into ``data.ctrl``. An actuator without a name goes by its number, ``#3``.
+
+    Attributes:
+        laws: actuator's number with its law.
+    """
+
+    def __init__(self, model: mujoco.MjModel, case: Case):
+        actuators = [element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index) for index in range(model.nu)]
+        self.laws: list[tuple[int, TimeLaw]] = []
+        for name, law in case.file.drive.laws().items():
+            choose(f"actuator in [drive] of case '{case.name}'", name, actuators)
+            self.laws.append((actuators.index(name), law))
+        self._model = model
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Writes the controls at ``data.time``.
+
+        Raises:
+            RefusedError: a law has no finite value there.
+        """
+        time = data.time
+        for index, law in self.laws:
+            value = law.at(time)
+            if value - value != 0.0:  # NaN and infinities alike
+                raise RefusedError(f"{law!r} is {value} at t = {time:g} s, expected a finite control")
+            data.ctrl[index] = value
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """While it holds, MuJoCo's own integrators ask this drive at every stage.
+
+        The hook is global to the process, and MuJoCo also calls it while it compiles another model: it answers for
+        this drive's model only.
+        """
+        if not self.laws:
+            yield
+            return
+        address = self._model._address
+
+        def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+            if model._address == address:
+                self.apply(data)
+
+        mujoco.set_mjcb_control(control)
+        try:
+            yield
+        finally:
+            mujoco.set_mjcb_control(None)

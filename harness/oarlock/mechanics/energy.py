@@ -1,0 +1,28 @@
+"""Mechanical energy of a model that nothing drives or damps."""
+
+import mujoco
+
+
+class Energy:
+    """Mechanical energy (J) of a model that nothing drives or damps; nothing for any other.
+
+    Attributes:
+        conserved: whether nothing does.
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        self._model = model
+        rubs = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
+        friction = (model.dof_frictionloss, model.tendon_frictionloss) if rubs else ()
+        damping = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
+        damped = any(loss.any() for loss in (*damping, *friction))
+        self.conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
+
+    def of(self, data: mujoco.MjData) -> dict[str, float]:
+        """Total and kinetic energy at a state whose position and velocity stages are done; nothing if not conserved."""
+        if not self.conserved:
+            return {}
+        mujoco.mj_energyPos(self._model, data)
+        mujoco.mj_energyVel(self._model, data)
+        potential, kinetic = data.energy
+        return {"energy": float(potential + kinetic), "kinetic_energy": float(kinetic)}

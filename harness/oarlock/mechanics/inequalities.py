@@ -1,0 +1,78 @@
+"""Contacts, limits and friction: what MuJoCo solves jointly with the loops and we do not. Refused, or switched off."""
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import RefusedError
+from oarlock.mechanics.names import element_name
+
+OPTION = "--ignore-inequalities"
+_NAMED = 4
+"""So many elements a message names; of more it gives the number."""
+
+_BITS = mujoco.mjtDisableBit
+IGNORED = _BITS.mjDSBL_CONTACT | _BITS.mjDSBL_LIMIT | _BITS.mjDSBL_FRICTIONLOSS
+"""The flags that switch them off."""
+
+_KINDS = {
+    mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("friction of joint", mujoco.mjtObj.mjOBJ_JOINT),
+    mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: ("friction of tendon", mujoco.mjtObj.mjOBJ_TENDON),
+    mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT: ("limit of joint", mujoco.mjtObj.mjOBJ_JOINT),
+    mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON: ("limit of tendon", mujoco.mjtObj.mjOBJ_TENDON),
+}
+
+
+def _row_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
+    kind, index = mujoco.mjtConstraint(data.efc_type[row]), int(data.efc_id[row])
+    if kind in _KINDS:
+        label, object_type = _KINDS[kind]
+        if kind == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF:
+            index = int(model.dof_jntid[index])
+        return f"{label} '{element_name(model, object_type, index)}'"
+    geoms = [int(geom) for geom in data.contact[index].geom]
+    if min(geoms) < 0:
+        return "a contact of a flex"
+    names = [element_name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in geoms]
+    return f"contact between geoms '{names[0]}' and '{names[1]}'"
+
+
+def _few(names: list[str]) -> str:
+    return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+
+
+def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Checks that only equality rows are active.
+
+    Raises:
+        RefusedError: contact, limit or friction rows are active; names the elements and the time.
+    """
+    if data.nefc == data.ne:
+        return
+    rows = np.flatnonzero(data.efc_type != mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    names = list(dict.fromkeys(_row_name(model, data, int(row)) for row in rows))
+    verb, them = ("is", "it") if len(names) == 1 else ("are", "them")
+    raise RefusedError(
+        f"{_few(names)} {verb} active at t = {data.time:g} s, expected equality rows only: disable {them} in the "
+        f"model (contype/conaffinity, limited, frictionloss), or run with {OPTION}"
+    )
+
+
+def ignore_inequalities(model: mujoco.MjModel) -> str:
+    """Switches contacts, limits and friction off, in place; says in one line what of them the model has."""
+    joint, tendon = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_TENDON
+    rubbing = dict.fromkeys(int(model.dof_jntid[dof]) for dof in np.flatnonzero(model.dof_frictionloss))
+    kinds = [
+        ("limits of joints", joint, np.flatnonzero(model.jnt_limited)),
+        ("limits of tendons", tendon, np.flatnonzero(model.tendon_limited)),
+        ("friction of joints", joint, list(rubbing)),
+        ("friction of tendons", tendon, np.flatnonzero(model.tendon_frictionloss)),
+    ]
+    said = [
+        f"{label} {_few([element_name(model, kind, int(index)) for index in indices])}"
+        for label, kind, indices in kinds
+        if len(indices)
+    ]
+    if model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()) or model.nflex:
+        said.insert(0, "contacts")
+    model.opt.disableflags |= IGNORED
+    return "; ".join(said) or "none in the model"

@@ -1,0 +1,45 @@
+"""Systems assembled through MuJoCo's own factor of M, which is sparse: M⁻¹ = Hᵀ H with H = D^(−1/2) L^(−T)."""
+
+import mujoco
+import numpy as np
+
+from oarlock.base.core import ConstrainedSystem
+
+
+class Inertia:
+    """Assembles systems of one model's states, and goes the way back from their multipliers.
+
+    Attributes:
+        system: as it was last assembled.
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        self.system = ConstrainedSystem()
+        self._model = model
+        self._unconstrained = np.zeros(model.nv)
+        self._change = np.zeros((1, model.nv))
+
+    def assemble(
+        self,
+        data: mujoco.MjData,
+        jacobian: np.ndarray,
+        unconstrained: np.ndarray,
+        aref: np.ndarray,
+        softness: np.ndarray | None,
+    ) -> None:
+        """Forms A and b from J (n, nv), a₀ = M⁻¹ f (nv), aref (n) and R (n); the position stage must be valid.
+
+        Raises:
+            InputError: no rows, or numbers that are not finite.
+        """
+        whitened = np.empty(jacobian.shape)
+        if len(jacobian):
+            mujoco.mj_solveM2(self._model, data, whitened, jacobian, np.sqrt(data.qLDiagInv))
+        self.system.assemble_factored(whitened, jacobian, unconstrained, aref, softness)
+        self._unconstrained[:] = unconstrained
+
+    def acceleration(self, data: mujoco.MjData, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Acceleration a₀ + M⁻¹ Jᵀ λ and constraint force Jᵀ λ, both (nv), of multipliers λ (n)."""
+        qfrc = self.system.force(multipliers)
+        mujoco.mj_solveM(self._model, data, self._change, qfrc[None])
+        return self._unconstrained + self._change[0], qfrc

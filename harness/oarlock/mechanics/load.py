@@ -1,0 +1,112 @@
+"""A MuJoCo model made ready for comparison: integrator, solver and softness set, hazards switched off."""
+
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import InputError, one_line
+from oarlock.base.options import Number, join_options
+
+
+def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
+    """Reads an MJCF file, or builds the model of a ``model.py`` with ``build(**parameters) -> mujoco.MjSpec``.
+
+    Raises:
+        InputError: no such file, malformed, parameters that ``build`` refuses, numbers that are not finite, or no
+            equality that closes a loop.
+    """
+    if not path.is_file():
+        raise InputError(f"no model file '{path}'")
+    try:
+        with collected_warnings() as said:
+            if path.suffix == ".py":
+                model = _build(path, parameters or {}).compile()
+            else:
+                model = mujoco.MjModel.from_xml_path(str(path))
+    except InputError:
+        raise
+    except (ValueError, mujoco.FatalError) as error:
+        raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}{_callbacks()}") from None
+    for text in said:
+        if "NaN" in text:  # MuJoCo takes a NaN for a number that was left out, or computes with it
+            raise InputError(f"{path}: {_attribute_with_nan(path)} is not a number, expected finite numbers only")
+        warnings.warn(f"{path}: MuJoCo warns: {one_line(text)}", stacklevel=2)
+    if model.neq == 0:
+        raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop")
+    if model.nv == 0:
+        raise InputError(f"{path}: no joint, expected a mechanism that can move")
+    _require_sound(path, model)
+    return model
+
+
+def _callbacks() -> str:
+    """What to know of an error where callbacks are set: MuJoCo's compiler calls them, for a model unknown to Python."""
+    getters = {name[4:]: getattr(mujoco, name) for name in dir(mujoco) if name.startswith("get_mjcb_")}
+    names = [name for name, get in getters.items() if get() is not None]
+    return f"; the process has set {', '.join(names)}, expected no callbacks: take them back" if names else ""
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """MuJoCo's warnings, which it otherwise prints and writes to a file in the working folder."""
+    said: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        yield said
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _attribute_with_nan(path: Path) -> str:
+    found = re.search(rb"""\w+\s*=\s*(["'])[^"']*\bnan\b[^"']*\1""", path.read_bytes(), re.IGNORECASE)
+    return one_line(found[0].decode(errors="replace")) if found else "an attribute"
+
+
+_PHYSICS = ("qpos", "body_", "jnt_", "dof_", "geom_", "site_", "eq_", "tendon_", "wrap_", "actuator_", "key_")
+"""Prefixes of the fields that motion depends on."""
+
+
+def _require_sound(path: Path, model: mujoco.MjModel) -> None:
+    """Refuses numbers that are not finite and names that are no text: MuJoCo lets both pass."""
+    fields = {f"option {name}": getattr(model.opt, name) for name in dir(model.opt) if not name.startswith("_")}
+    del fields["option timestep"]  # it may be replaced: prepare looks at the one that is used
+    fields |= {name: getattr(model, name) for name in dir(model) if name.startswith(_PHYSICS)}
+    # Infinities first: they were written, and what was computed from them is NaN.
+    for bad in (np.isinf, np.isnan):
+        for name, value in fields.items():
+            if isinstance(value, np.ndarray | float) and np.asarray(value).dtype.kind == "f" and bad(value).any():
+                raise InputError(f"{path}: {name} holds {'inf' if bad is np.isinf else 'nan'}, expected finite numbers")
+    try:
+        model.names.decode()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: a name holds the byte {error.object[error.start]:#x}, expected UTF-8") from None
+
+
+def _build(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
+    """Runs a ``model.py``. Whatever goes wrong in it is named in one line, with the call."""
+    module = ModuleType(f"model of {path.parent.name}")
+    module.__file__ = str(path)
+    call = f"{path}: {join_options('build', parameters)}"
+    try:
+        # Not an import: that would leave compiled files among the models.
+        exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), module.__dict__)
+        build = module.__dict__.get("build")
+        if not callable(build):
+            raise InputError(f"{path}: no function 'build', expected build(**parameters) -> mujoco.MjSpec")
+        spec = build(**parameters)
+    except InputError:
+        raise
+    except ValueError as error:  # what build says about its parameters
+        raise InputError(f"{call}: {one_line(error)}") from None
+    except (Exception, SystemExit) as error:
+        raise InputError(f"{call}: {type(error).__name__}: {one_line(error)}") from None
+    if not isinstance(spec, mujoco.MjSpec):
+        raise InputError(f"{call} gives a {type(spec).__name__}, expected a mujoco.MjSpec")
+    return spec

@@ -1,0 +1,253 @@
+"""A self-contained copy of an MJCF file: includes pasted in, assets beside it, joints, equalities and actuators named.
+
+The author's text is kept: defaults, comments, and every number digit for digit. MuJoCo's own writer would round them to
+six digits, and a loop that was closed to 1e-16 would come out open. That the copy is the same model is not assumed but
+checked: both are compiled, and every array of the two must be equal bit for bit.
+"""
+
+import re
+import shutil
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import InputError, one_line
+from oarlock.mechanics.load import load_model
+
+ASSETS = "assets"
+"""Folder of the files that the copy refers to."""
+
+_FILES = {
+    "mesh": ("file",),
+    "hfield": ("file",),
+    "skin": ("file",),
+    "flexcomp": ("file",),
+    "texture": ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback"),
+}
+"""Elements that refer to files, and their attributes."""
+
+_ENDS = {
+    "connect": ("body1", "body2", "site1", "site2"),
+    "weld": ("body1", "body2", "site1", "site2"),
+    "joint": ("joint1", "joint2"),
+    "tendon": ("tendon1", "tendon2"),
+    "flex": ("flex",),
+}
+"""Equality elements, and the attributes that a name for one is made of."""
+
+_BEFORE_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml.*?\?>\s*)?((?:<!--.*?-->\s*)+)", re.DOTALL)
+"""Comments in front of the root, where a tree has no place for them."""
+
+_DRIVEN = ("joint", "jointinparent", "tendon", "site", "body", "slidersite", "cranksite")
+
+
+@dataclass
+class Copied:
+    """What copying did: files put beside the model, and names given to what had none."""
+
+    files: list[str] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+
+
+def copy_model(source: Path, folder: Path) -> Copied:
+    """Writes ``model.xml``, and ``assets/`` where there are any, into a folder.
+
+    Raises:
+        InputError: MuJoCo refuses the model, it has no equality, a file that it names cannot be found or copied, or the
+            copy would not be the same model.
+    """
+    original = load_model(source)
+    copier = Copier(folder)
+    root = copier.read(source, source.parent, prefix=f"{ASSETS}/")
+    copier.name(root)
+    text = copier.header + ET.tostring(root, encoding="unicode") + "\n"
+    path = folder / "model.xml"
+    path.write_text(text, encoding="utf-8")
+    try:
+        different = differences(original, load_model(path))
+    except InputError as error:
+        raise InputError(f"{source}: its self-contained copy does not load: {one_line(error)}") from None
+    if different:
+        raise InputError(f"{source}: its self-contained copy has another {different[0]}, expected the same model")
+    return copier.copied
+
+
+class Copier:
+    """Reads MJCF files with all that they include, and brings along what they refer to."""
+
+    def __init__(self, folder: Path):
+        self.copied = Copied()
+        self.header = ""
+        self._folder = folder
+        self._taken: dict[str, Path] = {}
+
+    # Files.
+
+    def read(self, path: Path, base: Path, prefix: str) -> ET.Element:
+        """A file with its includes pasted in, and with its assets copied and renamed to ``prefix`` + file name."""
+        root = self._parse(path)
+        self._paste(root, base, path.parent)
+        self._gather(root, base, prefix)
+        return root
+
+    def _parse(self, path: Path) -> ET.Element:
+        try:
+            text = path.read_bytes()
+            root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+        except (OSError, ET.ParseError) as error:
+            raise InputError(f"{path}: not well-formed XML: {one_line(error)}") from None
+        if before := _BEFORE_ROOT.match(text):  # of every file: a licence has to stay with what it covers
+            self.header += before[1].decode(errors="replace")
+        return root
+
+    def _paste(self, parent: ET.Element, base: Path, here: Path) -> None:
+        """MuJoCo looks for an include beside the model first, then beside the file that includes it."""
+        for child in list(parent):
+            if child.tag != "include":
+                self._paste(child, base, here)
+                continue
+            path = self._find(child.get("file", ""), [base, here])
+            root = self._parse(path)
+            self._paste(root, base, path.parent)
+            at = list(parent).index(child)
+            parent.remove(child)
+            for offset, element in enumerate(root):
+                parent.insert(at + offset, element)
+            if len(root):
+                root[-1].tail = child.tail
+
+    def _gather(self, root: ET.Element, base: Path, prefix: str) -> None:
+        meshes, textures, strip = base, base, False
+        for compiler in root.iter("compiler"):
+            assets = compiler.attrib.pop("assetdir", None)
+            meshes = _beside(base, compiler.attrib.pop("meshdir", assets), meshes)
+            textures = _beside(base, compiler.attrib.pop("texturedir", assets), textures)
+            strip = compiler.attrib.pop("strippath", "true" if strip else "false") == "true"
+        for element in root.iter():
+            where = textures if element.tag == "texture" else meshes
+            for attribute in _FILES.get(element.tag, ()) if isinstance(element.tag, str) else ():
+                if file := element.get(attribute):
+                    file = Path(file).name if strip else file
+                    element.set(attribute, prefix + self._keep(self._find(file, [where, base])))
+            if element.tag == "model" and (file := element.get("file")):
+                element.set("file", prefix + self._keep_model(self._find(file, [base]), element))
+
+    def _find(self, file: str, folders: list[Path]) -> Path:
+        for folder in folders:
+            if (path := folder / file).is_file():
+                return path
+        raise InputError(f"no file '{file}' in {' or '.join(repr(str(folder)) for folder in folders)}")
+
+    def _keep(self, path: Path) -> str:
+        name = self._free(path)
+        target = self._folder / ASSETS / name
+        if not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, target)
+            self.copied.files.append(name)
+        return name
+
+    def _keep_model(self, path: Path, element: ET.Element) -> str:
+        name = self._free(path)
+        target = self._folder / ASSETS / name
+        if not target.exists():
+            root = self.read(path, path.parent, prefix="")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+            self.copied.files.append(name)
+        return name
+
+    def _free(self, path: Path) -> str:
+        """A file name of its own: two files of one name come from two folders."""
+        path, name, count = path.resolve(), path.name, 1
+        while self._taken.setdefault(name, path) != path:
+            count += 1
+            name = f"{path.stem}-{count}{path.suffix}"
+        return name
+
+    # Names.
+
+    def name(self, root: ET.Element) -> None:
+        """Names what has none: a case speaks of joints, equalities and actuators by name."""
+        joints: set[str | None] = {e.get("name") for tag in ("joint", "freejoint") for e in root.iter(tag)}
+        for body, element in _joints(root):
+            kind = "free" if element.tag == "freejoint" else element.get("type", "joint")
+            self._give(element, f"{body}_{kind}", joints)
+        for section, parts in (("equality", _ENDS), ("actuator", None)):
+            elements = [e for parent in root.iter(section) for e in parent if isinstance(e.tag, str)]
+            taken: set[str | None] = {e.get("name") for e in elements}
+            for element in elements:
+                ends = (parts or {}).get(element.tag, ()) if parts else _DRIVEN
+                words = [word for end in ends if (word := element.get(end))]
+                first, last = ([element.tag], []) if parts else ([], [element.tag])
+                self._give(element, "_".join([*first, *words, *last]), taken)
+
+    def _give(self, element: ET.Element, wanted: str, taken: set[str | None]) -> None:
+        if element.get("name"):
+            return
+        name, count = wanted, 1
+        while name in taken:
+            count += 1
+            name = f"{wanted}{count}"
+        taken.add(name)
+        # First among the attributes, where one looks for it.
+        attributes = dict(element.attrib)
+        element.attrib.clear()
+        element.attrib.update({"name": name, **attributes})
+        self.copied.names.append(name)
+
+
+def _beside(base: Path, folder: str | None, otherwise: Path) -> Path:
+    return otherwise if folder is None else base / folder
+
+
+def _joints(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
+    """Every joint of the tree of bodies, with the name of its body."""
+    count = 0
+
+    def walk(element: ET.Element, body: str) -> Iterator[tuple[str, ET.Element]]:
+        nonlocal count
+        for child in element:
+            if child.tag in ("joint", "freejoint"):
+                yield body, child
+            elif child.tag == "body":
+                count += 1
+                yield from walk(child, child.get("name") or f"body{count}")
+            elif child.tag in ("frame", "replicate"):
+                yield from walk(child, body)
+
+    for world in root.iter("worldbody"):
+        yield from walk(world, "world")
+
+
+# Sameness.
+
+_NAMES = ("names", "names_map", "paths", "nnames", "nnames_map", "npaths", "nbuffer", "signature")
+
+
+def differences(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
+    """Fields in which two models differ in any bit, names and paths of files aside."""
+    found = []
+    for name, value, other in _fields(first, second):
+        if isinstance(value, np.ndarray):
+            if value.shape != other.shape or value.tobytes() != other.tobytes():
+                found.append(name)
+        elif value != other:
+            found.append(name)
+    return found
+
+
+def _fields(first: Any, second: Any, within: str = "") -> Iterator[tuple[str, Any, Any]]:
+    for name in dir(first):
+        if name.startswith(("_", "name_")) or name.endswith("_pathadr") or name in _NAMES:
+            continue
+        value = getattr(first, name)
+        if isinstance(value, np.ndarray | int | float):
+            yield within + name, value, getattr(second, name)
+        elif type(value).__module__.startswith("mujoco") and not callable(value):
+            yield from _fields(value, getattr(second, name), f"{within}{name}.")

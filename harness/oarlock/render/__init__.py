@@ -1,0 +1,1 @@
+"""The page kit: charts, templates, and folders of pages, whatever they are about."""

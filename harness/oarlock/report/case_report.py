@@ -1,0 +1,192 @@
+"""The report: a pure function of a folder of results.
+
+The tracked part (README.md and the SVG figures) holds physical figures and what they were computed from. Timings, date
+and commit go to ``timings.json``, ``provenance.json`` and the HTML page, which are not tracked, so that regenerating a
+report on the same machine and versions leaves the tracked files as they were.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from oarlock.base.errors import InputError
+from oarlock.base.files import reading
+from oarlock.render import charts as figures
+from oarlock.render.folder import CONTENTS, require_report, write_whole
+from oarlock.render.page import _TEMPLATES, Figure, page
+from oarlock.tables.aggregate import TIMING_FIGURES
+from oarlock.tables.folder import ResultFolder
+from oarlock.tables.provenance import OCCASION, occasion_of
+
+_NO_CURVATURE = ("joint", "tendon")
+
+
+class Tables:
+    """The results of a folder, as the template and the figures ask for them."""
+
+    def __init__(self, folder: ResultFolder):
+        self.folder = folder
+        self.case = folder.read_json("case.json")
+        self.sketch = folder.read_json("sketch.json")
+        summary = folder.read_json("summary.json")
+        missing = [key for key in ("runs", "gates", "provenance") if key not in summary]
+        if missing:
+            raise InputError(
+                f"'{folder.path / 'summary.json'}' has no '{missing[0]}', expected what 'oarlock run' wrote"
+            )
+        self.rows: list[dict[str, Any]] = summary["runs"]
+        self.gates: list[dict[str, Any]] = summary["gates"]
+        self.provenance: dict[str, Any] = summary["provenance"]
+        if not self.rows:
+            raise InputError(f"'{folder.path}' holds no finished run, expected at least one")
+
+    def pick(self, **where: str) -> dict[str, Any] | None:
+        """The first run that has these values; of several integrators the case's own comes first."""
+        own = self.case["run"]["integrator"]
+        found = [row for row in self.rows if all(row[key] == value for key, value in where.items())]
+        return min(found, key=lambda row: row["integrator"] != own, default=None)
+
+    def all(self, **where: str) -> list[dict[str, Any]]:
+        """Every run that has these values."""
+        return [row for row in self.rows if all(row[key] == value for key, value in where.items())]
+
+    @property
+    def unit(self) -> str:
+        """Unit of the loops' deviations."""
+        units = {equality["unit"] for equality in self.case["model"]["equalities"]}
+        return units.pop() if len(units) == 1 else "m or rad"
+
+    @property
+    def rate_unit(self) -> str:
+        """Unit of how fast they change."""
+        return {"m": "m/s", "rad": "rad/s"}.get(self.unit, "m/s or rad/s")
+
+    @property
+    def without_curvature(self) -> list[str]:
+        """Equalities of the kinds for which MuJoCo's reference acceleration leaves J̇v out."""
+        return [equality["name"] for equality in self.case["model"]["equalities"] if equality["kind"] in _NO_CURVATURE]
+
+    def free_runs(self) -> dict[str, dict[str, Any]]:
+        """The free runs that figures compare: MuJoCo default, MuJoCo stiff, exact; those there are."""
+        candidates = {
+            "MuJoCo default": self.pick(mode="free", solver="mujoco", settings="default"),
+            "MuJoCo stiff": self.pick(mode="free", solver="mujoco", settings="stiff"),
+            "exact (pinv)": self.pick(mode="free", solver="pinv", form="hard"),
+        }
+        return {who: row for who, row in candidates.items() if row is not None}
+
+    @property
+    def knows_truth(self) -> bool:
+        """Whether any run was held against an outside truth."""
+        return any(row["truth_error_max"] is not None for row in self.rows)
+
+    @property
+    def truth_unit(self) -> str:
+        """Unit of the distance from the truth: that of the joint, or of a site's place."""
+        joint = self.case["truth"]["joint"] if self.case["truth"] else None
+        return next((c["unit"] for c in self.case["model"]["coordinates"] if c["name"] == joint), "m")
+
+    def steps(self, row: dict[str, Any], *columns: str) -> pl.DataFrame:
+        """Columns of the steps of a run; of a long one condensed."""
+        with reading(self.folder.steps_path(row["run"])) as path:
+            return figures.condensed(pl.scan_parquet(path).select("step", *columns), row["steps_done"])
+
+    def counted(self, row: dict[str, Any], column: str) -> pl.DataFrame:
+        """How many steps have each value of a column, as ``len``."""
+        with reading(self.folder.steps_path(row["run"])) as path:
+            return pl.scan_parquet(path).group_by(column).len().collect(engine="streaming")
+
+
+def draw(tables: Tables) -> list[Figure]:
+    """The figures that the runs of a folder allow."""
+    drawn = [
+        Figure(
+            "mechanism",
+            "The mechanism at its start, from its kinematics; dashed: the paths of the points where its loops close.",
+            figures.mechanism(tables.sketch),
+        )
+    ]
+    columns = ("time_s", "qpos", "truth_error", "residual")
+    free = {who: tables.steps(row, *columns) for who, row in tables.free_runs().items()}
+    pair = {who: free[who] for who in ("MuJoCo default", "exact (pinv)") if who in free}
+    if pair:
+        joint = (tables.case["truth"] or {}).get("joint")
+        truth = (joint, tables.folder.read_truth()) if joint else None
+        chart = figures.coordinates(pair, tables.case["model"]["coordinates"], truth)
+        caption = (
+            "Coordinates over time; those that move as an earlier one are left out. Where the curves lie on one "
+            "another, the next figure tells them apart."
+        )
+        drawn.append(Figure("coordinates", caption, chart))
+    if free and tables.knows_truth:
+        what = tables.case["truth"]["joint"] or tables.case["truth"]["site"]
+        chart = figures.over_time(free, "truth_error", f"|{what} − truth|")
+        drawn.append(Figure("truth", "Distance from the outside truth.", chart))
+    if free:
+        equality = tables.case["model"]["equalities"][0]
+        chart = figures.deviations(free, equality["rows"], equality["name"], equality["unit"])
+        caption = f"Deviations of the constraint rows of '{equality['name']}': how far the loop stands open."
+        drawn.append(Figure("deviations", caption, chart))
+    iterating = tables.pick(mode="lockstep", form="hard", walker="pinv", solver="sr1")
+    if iterating:
+        steps = tables.steps(iterating, "time_s", "iterations", "min_norm_error")
+        paper = (tables.case["paper"] or {}).get("iterations_mean")
+        caption = "Iterations of sr1 along the exact trajectory, one solve a step: means of stretches, and all counts."
+        drawn.append(
+            Figure("iterations", caption, figures.iterations(steps, tables.counted(iterating, "iterations"), paper))
+        )
+        caption = "Distance of sr1's multipliers from the minimum-norm ones, relative, at the same states."
+        chart = figures.over_time({"exact (sr1)": steps}, "min_norm_error", "‖λ − A⁺b‖ / ‖A⁺b‖")
+        drawn.append(Figure("min_norm", caption, chart))
+    return drawn
+
+
+def markdown(tables: Tables, drawn: list[Figure]) -> str:
+    """The tracked page."""
+    inputs = {key: value for key, value in tables.provenance.items() if key not in OCCASION}
+    return _TEMPLATES.get_template("report.md.j2").render(
+        tables=tables,
+        case=tables.case,
+        model=tables.case["model"],
+        figures={figure.name: figure for figure in drawn},
+        inputs=inputs,
+    )
+
+
+def html(tables: Tables, text: str, drawn: list[Figure]) -> str:
+    """The same page with interactive figures, timings and the occasion, in one file without outside references."""
+    return page(tables.case["title"], text, drawn, occasion_of(tables.provenance), timings(tables)["runs"])
+
+
+def timings(tables: Tables) -> dict[str, Any]:
+    """What changes from run to run."""
+    runs = [{"run": row["run"], **{name: row[name] for name in TIMING_FIGURES}} for row in tables.rows]
+    return {"runs": runs}
+
+
+def write_report(results: Path, target: Path) -> Path:
+    """Writes README.md, figures/*.svg, index.html, timings.json and provenance.json.
+
+    The folder is made whole under a temporary name and then takes the place of the old one: an interruption leaves
+    the old report or the new one, never a mixture.
+
+    Raises:
+        InputError: the results are missing or not whole, or the target cannot be written or is not a report.
+    """
+    tables = Tables(ResultFolder(results))
+    require_report(target, CONTENTS)
+    drawn = draw(tables)
+    text = markdown(tables, drawn)
+    return write_whole(target, lambda folder: _write(folder, tables, text, drawn))
+
+
+def _write(folder: Path, tables: Tables, text: str, drawn: list[Figure]) -> None:
+    (folder / "figures").mkdir()
+    for figure in drawn:
+        (folder / "figures" / f"{figure.name}.svg").write_text(figure.svg(), encoding="utf-8")
+    (folder / "README.md").write_text(text, encoding="utf-8")
+    (folder / "index.html").write_text(html(tables, text, drawn), encoding="utf-8")
+    for name, content in (("timings.json", timings(tables)), ("provenance.json", tables.provenance)):
+        (folder / name).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,1 @@
+"""``oarlock new``: a case around any MJCF file."""

@@ -1,0 +1,128 @@
+"""A consistent start: positions on the constraint manifold, velocities along it."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import InputError, choose
+from oarlock.cases.case import Case
+from oarlock.cases.point import DISTURBANCE
+from oarlock.mechanics.drive import Drive
+from oarlock.mechanics.inequalities import refuse_inequalities
+from oarlock.mechanics.names import element_name
+from oarlock.mechanics.reactions import unique_reactions
+from oarlock.mechanics.rows import closing_jacobian
+from oarlock.stepping.closing import CLOSED, close, culprits, require_rows
+from oarlock.stepping.projection import Projector, gap
+from oarlock.stepping.solvers import REFERENCE, SolverSpec
+
+KEYFRAME = "start"
+"""Name of the model's keyframe that a start begins from, where there is one; entries of [start] come on top."""
+
+
+UNIT = 1e-3
+"""A quaternion may miss the norm 1 by so much, as one of three digits does; more is a mistake, not rounding."""
+
+
+@dataclass(frozen=True)
+class ConsistentStart:
+    """A start and what the constraints are there."""
+
+    qpos: np.ndarray
+    qvel: np.ndarray
+    rows: int
+    rank: int
+    dof: int
+    moved: float
+    """Largest change that closing made to a coordinate, in rad or m."""
+    unique: dict[str, bool]
+    """Equality → whether the rigid model determines its multipliers."""
+
+
+def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: str, case: Case) -> None:
+    joints = [model.joint(index).name for index in range(model.njnt)]
+    sizes = {0: (7, 6), 1: (4, 3), 2: (1, 1), 3: (1, 1)}
+    for name, value in values.items():
+        index = joints.index(choose(f"joint in [start] {what} of case '{case.name}'", name, joints))
+        size = sizes[int(model.jnt_type[index])][0 if what == "qpos" else 1]
+        entries = np.atleast_1d(np.asarray(value, dtype=float))
+        if len(entries) != size:
+            raise InputError(
+                f"[start] {what} of joint '{name}' in case '{case.name}' has {len(entries)} numbers, expected {size}"
+            )
+        if what == "qpos" and size > 1:
+            norm = float(np.linalg.norm(entries[-4:]))
+            if abs(norm - 1.0) > UNIT:
+                raise InputError(
+                    f"[start] qpos of joint '{name}' in case '{case.name}' has a quaternion of norm {norm:.4g}, "
+                    "expected 1"
+                )
+            entries[-4:] /= norm
+        address = model.jnt_qposadr[index] if what == "qpos" else model.jnt_dofadr[index]
+        target[address : address + size] = entries
+
+
+def _cannot_close(model: mujoco.MjModel, data: mujoco.MjData, given: np.ndarray, case: Case) -> str:
+    row = int(np.abs(data.efc_pos[: data.ne]).argmax())
+    name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(data.efc_id[row]))
+    said = f"equality '{name}' stays open by {gap(data):.3g}, expected at most {CLOSED:g}"
+    data.qpos[:] = given
+    return f"start of case '{case.name}' cannot be closed: {said}; {culprits(model, data, case.file.rank_cut)}"
+
+
+def _disturb(model: mujoco.MjModel, data: mujoco.MjData, seed: int) -> None:
+    moved, pushed = np.random.default_rng(seed).normal(scale=DISTURBANCE, size=(2, model.nv))
+    mujoco.mj_integratePos(model, data.qpos, moved, 1.0)
+    data.qvel += pushed
+
+
+def consistent_start(model: mujoco.MjModel, case: Case, seed: int | None = None) -> ConsistentStart:
+    """Closes the loops of a case's start, then makes its velocities obey them.
+
+    Positions by Newton steps in the metric of M, damped when they do not help (Levenberg–Marquardt); velocities by
+    v − M⁻¹ Jᵀ A⁺ J v. Ranks are counted at the closed pose.
+
+    Args:
+        model: the case's, prepared.
+        case: whose start it is.
+        seed: disturbs the start before it is closed, with normal numbers of the deviation ``DISTURBANCE``.
+
+    Raises:
+        InputError: a name or a size is wrong, rows other than equality rows are active, or a loop cannot be closed.
+    """
+    data = mujoco.MjData(model)
+    keys = [model.key(index).name for index in range(model.nkey)]
+    if KEYFRAME in keys:
+        data.qpos[:], data.qvel[:] = model.key_qpos[keys.index(KEYFRAME)], model.key_qvel[keys.index(KEYFRAME)]
+    _write_named(model, data.qpos, case.file.start.qpos, "qpos", case)
+    _write_named(model, data.qvel, case.file.start.qvel, "qvel", case)
+    Drive(model, case).apply(data)
+    if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
+        raise InputError(f"start of case '{case.name}' is not finite: qpos {data.qpos}, qvel {data.qvel}")
+    if seed is not None:
+        _disturb(model, data, seed)
+
+    given = data.qpos.copy()
+    require_rows(model, data)
+    if not close(model, data, case.file.rank_cut):
+        raise InputError(_cannot_close(model, data, given, case))
+    mujoco.mj_fwdPosition(model, data)
+    refuse_inequalities(model, data)
+
+    projector = Projector(model, case.file.rank_cut, SolverSpec(REFERENCE))
+    mujoco.mj_fwdVelocity(model, data)
+    velocity = projector.correction(data, -(closing_jacobian(model, data) @ data.qvel))
+    if np.abs(data.efc_vel[: data.ne]).max() > CLOSED:
+        data.qvel += velocity
+    difference = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, difference, 1.0, given, data.qpos)
+    return ConsistentStart(
+        qpos=data.qpos.copy(),
+        qvel=data.qvel.copy(),
+        rows=int(data.ne),
+        rank=projector.rank,
+        dof=model.nv - projector.rank,
+        moved=float(np.abs(difference).max()),
+        unique=unique_reactions(model, data, projector.rank),
+    )

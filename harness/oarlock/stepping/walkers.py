@@ -1,0 +1,227 @@
+"""Steps of one engine: MuJoCo's own, or MuJoCo's integrators fed with a constraint force from elsewhere.
+
+The Python path: readable, and the oracle of any faster one. ``Walker.step`` leaves the data at the next state;
+``Walker.look`` makes everything that belongs to the present state valid, the acceleration included.
+"""
+
+import math
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import InputError
+from oarlock.base.vectors import Vector, cross, dot, plus, scaled
+from oarlock.mechanics.drive import Drive
+from oarlock.stepping.projection import Projector
+
+_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+_EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
+
+_SMALL_ANGLE = 1e-4
+"""rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding."""
+
+
+def is_finite(data: mujoco.MjData) -> bool:
+    """Whether positions and velocities are finite."""
+    qpos, qvel = data.qpos, data.qvel
+    # Sums of squares are asked faster, and only those of finite numbers are finite. An overflow leaves it open.
+    if qpos.dot(qpos) < math.inf and qvel.dot(qvel) < math.inf:
+        return True
+    return bool(np.isfinite(qpos).all() and np.isfinite(qvel).all())
+
+
+def smooth_stages(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive) -> None:
+    """Leaves M, J, R, aref, qfrc_smooth and qacc_smooth of the state ready, without MuJoCo's constraint solver."""
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    drive.apply(data)
+    mujoco.mj_fwdActuation(model, data)
+    mujoco.mj_fwdAcceleration(model, data)
+
+
+class ForceLaw(Protocol):
+    """Gives the constraint force of a state whose smooth stages are done."""
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Writes qacc, qfrc_constraint and efc_force. Both are needed: Euler reads one or the other by damping."""
+
+
+class Walker(Protocol):
+    """One engine on its way."""
+
+    data: mujoco.MjData
+
+    def look(self) -> None:
+        """Computes what belongs to the present state."""
+
+    def step(self) -> None:
+        """Goes on by one timestep, from a state that was looked at."""
+
+    def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """MuJoCo's own qacc and qfrc_constraint (nv) at the present state."""
+        ...
+
+
+class MujocoWalker:
+    """MuJoCo's own step. Run it inside ``drive.installed()``: RK4 asks for controls at its stages."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
+        self.model, self.data = model, data
+
+    def look(self) -> None:
+        """mj_forward: everything that mj_step would compute first."""
+        mujoco.mj_forward(self.model, self.data)
+
+    def step(self) -> None:
+        """The second half of mj_step: the integrator on its own."""
+        integrator = self.model.opt.integrator
+        if integrator == _RK4:
+            mujoco.mj_RungeKutta(self.model, self.data, 4)
+        elif integrator == _EULER:
+            mujoco.mj_Euler(self.model, self.data)
+        else:
+            mujoco.mj_implicit(self.model, self.data)
+
+    def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """What mj_forward left, in its own arrays."""
+        return self.data.qacc, self.data.qfrc_constraint
+
+    @property
+    def iterations(self) -> int:
+        """Solver iterations at the present state, over all islands."""
+        return int(self.data.solver_niter[: max(1, self.data.nisland)].sum())
+
+
+class ForcedWalker:
+    """MuJoCo's smooth dynamics and integrators with the force of a ``ForceLaw``; a projector ends every step.
+
+    Raises:
+        InputError: the model has actuator activations and is to be integrated by RK4.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        drive: Drive,
+        force: ForceLaw,
+        projector: Projector | None = None,
+    ):
+        if model.na and model.opt.integrator == _RK4:
+            raise InputError(
+                f"the model has {model.na} actuator activation(s), expected none with rk4: use euler or implicitfast"
+            )
+        self.model, self.data = model, data
+        self._drive, self._force, self._projector = drive, force, projector
+        self._turns = _turns(model)
+        self._qpos, self._qvel = np.zeros(model.nq), np.zeros(model.nv)
+        self._velocities, self._accelerations = np.zeros((4, model.nv)), np.zeros((4, model.nv))
+
+    def look(self) -> None:
+        """The smooth stages, then the force law."""
+        smooth_stages(self.model, self.data, self._drive)
+        self._force.apply(self.data)
+
+    def step(self) -> None:
+        """MuJoCo's Euler or implicit step, or the Runge–Kutta step of order four; then the projection.
+
+        A projection may move the state about as far as the step itself did; more is refused, and noted in its status.
+        """
+        if self._projector is None:
+            self._integrate()
+            return
+        fastest = np.abs(self.data.qvel).max()
+        self._integrate()
+        if is_finite(self.data):
+            fastest = max(fastest, np.abs(self.data.qvel).max())
+            self._projector.project(self.data, trust=self.model.opt.timestep * float(fastest))
+
+    def _integrate(self) -> None:
+        integrator = self.model.opt.integrator
+        if integrator == _RK4:
+            self._runge_kutta()
+        elif integrator == _EULER:
+            mujoco.mj_Euler(self.model, self.data)
+        else:
+            mujoco.mj_implicit(self.model, self.data)
+
+    def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """What MuJoCo's solver says here; our own force is put back afterwards."""
+        data = self.data
+        own = data.qacc.copy(), data.qfrc_constraint.copy(), data.efc_force.copy()
+        mujoco.mj_fwdConstraint(self.model, data)
+        theirs = data.qacc.copy(), data.qfrc_constraint.copy()
+        data.qacc[:], data.qfrc_constraint[:], data.efc_force[:] = own
+        return theirs
+
+    def _runge_kutta(self) -> None:
+        """The classical tableau; orientations as Runge–Kutta–Munthe–Kaas, as MuJoCo since 4.0.
+
+        A stage's orientation is q₀ exp(u): what is summed is not the body's ω there but u̇ (Munthe-Kaas 1998).
+        """
+        model, data = self.model, self.data
+        velocities, accelerations, turns = self._velocities, self._accelerations, self._turns
+        step, time = model.opt.timestep, data.time
+        self._qpos[:], self._qvel[:] = data.qpos, data.qvel
+        velocities[0], accelerations[0] = data.qvel, data.qacc
+        for stage, fraction in ((1, 0.5), (2, 0.5), (3, 1.0)):
+            moved = fraction * step * velocities[stage - 1]
+            data.qpos[:] = self._qpos
+            mujoco.mj_integratePos(model, data.qpos, moved, 1.0)
+            data.qvel[:] = self._qvel + fraction * step * accelerations[stage - 1]
+            data.time = time + fraction * step
+            self.look()
+            velocities[stage], accelerations[stage] = data.qvel, data.qacc
+            for turn in turns:
+                velocities[stage, turn] = _rotation_vector_rate(moved[turn].tolist(), data.qvel[turn].tolist())
+        data.qpos[:] = self._qpos
+        mujoco.mj_integratePos(model, data.qpos, _mean(velocities), step)
+        data.qvel[:] = self._qvel + step * _mean(accelerations)
+        data.time = time + step
+
+
+def _mean(stages: np.ndarray) -> np.ndarray:
+    """The tableau's mean (nv) of what the stages (4, nv) gave."""
+    first, second, third, fourth = stages
+    return (first + 2.0 * second + 2.0 * third + fourth) / 6.0
+
+
+def _turns(model: mujoco.MjModel) -> list[slice]:
+    """Where the angular velocities of ball and free joints are in qvel."""
+    angular = {int(mujoco.mjtJoint.mjJNT_BALL): 0, int(mujoco.mjtJoint.mjJNT_FREE): 3}
+    joints = zip(model.jnt_type.tolist(), model.jnt_dofadr.tolist(), strict=True)
+    first = [address + angular[kind] for kind, address in joints if kind in angular]
+    return [slice(address, address + 3) for address in first]
+
+
+def _rotation_vector_rate(vector: Vector, omega: Vector) -> Vector:
+    """u̇ of a rotation vector u (rad) when q₀ exp(u) turns with ω (rad/s, body frame).
+
+    u̇ = ω + ½ u×ω + (1 − (θ/2) cot(θ/2))/θ² u×(u×ω), θ = |u|: the inverse of the exponential's right differential
+    (Iserles, Munthe-Kaas, Nørsett and Zanna, Lie-group methods, 2000).
+    """
+    square = dot(vector, vector)
+    bend = 1.0 / 12.0
+    if square > _SMALL_ANGLE * _SMALL_ANGLE:
+        half = 0.5 * math.sqrt(square)
+        cotangent = half / math.tan(half) if half < math.inf else math.nan
+        bend = (1.0 - cotangent) / (4.0 * half * half)
+    first = cross(vector, omega)
+    return plus(plus(omega, scaled(0.5, first)), scaled(bend, cross(vector, first)))
+
+
+class MujocoForce:
+    """MuJoCo's own efc_force, taken through our acceleration: the calibration."""
+
+    def __init__(self, model: mujoco.MjModel):
+        self.model = model
+        self._delta = np.zeros((1, model.nv))
+
+    def apply(self, data: mujoco.MjData) -> None:
+        """Runs MuJoCo's solver, then computes Jᵀf and qacc_smooth + M⁻¹Jᵀf from its force alone."""
+        model = self.model
+        mujoco.mj_fwdConstraint(model, data)
+        mujoco.mj_mulJacTVec(model, data, data.qfrc_constraint, data.efc_force)
+        mujoco.mj_solveM(model, data, self._delta, data.qfrc_constraint[None, :])
+        data.qacc[:] = data.qacc_smooth + self._delta[0]

@@ -1,0 +1,78 @@
+"""Where figures come from: versions, platform, commit, inputs. In two parts, so that a report can be reproduced.
+
+``inputs`` is the same whenever the same files are run with the same versions on the same kind of machine;
+``occasion`` (commit, date, machine) is not, and never enters a tracked report.
+"""
+
+import datetime
+import hashlib
+import importlib.metadata
+import os
+import platform
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from oarlock.base import core
+from oarlock.cases.case import Case
+
+OCCASION = ("commit", "date", "cores", "kernel")
+"""What differs from one occasion to the next."""
+
+
+def occasion_of(provenance: dict[str, Any]) -> dict[str, Any]:
+    """The part of a provenance that differs from one occasion to the next; None for what it lacks."""
+    return {key: provenance.get(key) for key in OCCASION}
+
+
+_PACKAGES = ("mujoco", "numpy", "scipy", "polars", "altair", "vl-convert-python")
+
+
+def _digest(path: Path) -> str | None:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.is_file() else None
+
+
+def versions() -> dict[str, Any]:
+    """Versions and kind of machine."""
+    return {
+        "oarlock": core.VERSION,
+        "core_profile": core.BUILD_PROFILE,
+        "python": platform.python_version(),
+        **{name: importlib.metadata.version(name) for name in _PACKAGES},
+        "platform": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def inputs(case: Case) -> dict[str, Any]:
+    """Versions, kind of machine and digests of the case's files."""
+    return {
+        **versions(),
+        "case": case.name,
+        "model_sha256": _digest(case.model_path),
+        "case_sha256": _digest(case.folder / "case.toml"),
+    }
+
+
+def _commit() -> str | None:
+    try:
+        described = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--abbrev=12"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            timeout=10,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None  # an installed wheel has no repository
+    return described.stdout.strip()
+
+
+def occasion() -> dict[str, Any]:
+    """Commit, date and machine of this run."""
+    return {
+        "commit": _commit(),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "cores": os.cpu_count(),
+        "kernel": platform.release(),
+    }

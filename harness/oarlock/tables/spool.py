@@ -1,0 +1,143 @@
+"""The rows of a run on their way: few in memory, more of them on disk."""
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import polars as pl
+from polars.io.plugins import register_io_source
+
+from oarlock.base.errors import DiskError
+from oarlock.base.files import reason
+
+Schema = Mapping[str, pl.DataType | type[pl.DataType]]
+
+HELD = 32 * 2**20
+"""Bytes of a table that are kept in memory: some 80 000 steps of a small mechanism. What is longer goes to disk."""
+
+HELD_TOGETHER = 4 * HELD
+"""Bytes that all tables of one walk may keep in memory."""
+
+PART = 4 * 2**20
+"""Bytes of a part on disk, once a table goes there."""
+
+SLICE = 1000
+"""Rows that a table on disk hands on at once: with many cores, as many slices are under way."""
+
+GROUP = 20_000
+"""Rows of a group in a Parquet file: what its writer holds, and its reader."""
+
+
+class Spool:
+    """Takes a table chunk by chunk and gives it again, as often as it is asked.
+
+    Up to ``held`` bytes stay in memory. Beyond that the rows go to Parquet files in a temporary folder, made when it is
+    needed, in ``folder`` or where the system keeps such. It lives as long as the spool or a lazy table made of it,
+    and ends with the process, also with an interrupted one.
+    """
+
+    def __init__(self, schema: Schema, folder: Path | None = None, held: int | None = None):
+        self._schema, self._folder = dict(schema), folder
+        self._limit = HELD if held is None else held
+        self._held: list[pl.DataFrame] = []
+        self._bytes = 0
+        self._parts: list[Path] = []
+        self._height = 0
+        self._home: Path | None = None
+
+    def __len__(self) -> int:
+        return self._height
+
+    @property
+    def on_disk(self) -> bool:
+        """Whether it has become too long for the memory."""
+        return bool(self._parts)
+
+    def append(self, chunk: pl.DataFrame) -> None:
+        """Takes rows of the schema.
+
+        Raises:
+            DiskError: they cannot be written.
+        """
+        if chunk.is_empty():
+            return
+        self._held.append(chunk)
+        self._height += len(chunk)
+        self._bytes += chunk.estimated_size()
+        if self._bytes > (PART if self._parts else self._limit):
+            self._write()
+
+    def chunks(self, columns: Sequence[str] | None = None) -> Iterator[pl.DataFrame]:
+        """The rows, in order, with a part in memory at a time."""
+        wanted = list(columns) if columns is not None else list(self._schema)
+        for part in self._parts:
+            yield pl.read_parquet(part, columns=wanted)
+        if self._held or not self._parts:
+            yield self._rest().select(wanted)
+
+    def lazy(self) -> pl.LazyFrame:
+        """The rows as a lazy table. ``collect`` makes one of it in memory, unless it is long."""
+        if not self._parts:
+            return self._rest().lazy()
+        return register_io_source(self._source, schema=pl.Schema(self._schema), is_pure=True)
+
+    def collect(self, *expressions: pl.Expr) -> pl.DataFrame:
+        """What is asked of the rows, without having all of them in memory."""
+        return self.lazy().select(*expressions).collect(engine="streaming" if self._parts else "auto")
+
+    def frame(self) -> pl.DataFrame:
+        """All rows in memory."""
+        return self.lazy().collect()
+
+    def close(self) -> None:
+        """Forgets the rows."""
+        self._held, self._parts, self._bytes, self._height = [], [], 0, 0
+        if self._home is not None:
+            shutil.rmtree(self._home, ignore_errors=True)
+
+    def _rest(self) -> pl.DataFrame:
+        """The rows in memory, which become one table."""
+        if len(self._held) != 1:
+            self._held = [pl.concat(self._held) if self._held else pl.DataFrame(schema=self._schema)]
+        return self._held[0]
+
+    def _write(self) -> None:
+        part = Path()
+        try:
+            if self._home is None:
+                self._home = self._make_home()
+                weakref.finalize(self, shutil.rmtree, self._home, ignore_errors=True)
+            part = self._home / f"{len(self._parts):06}.parquet"
+            self._rest().write_parquet(part, compression="zstd", compression_level=1, row_group_size=GROUP)
+        except (OSError, pl.exceptions.ComputeError) as error:
+            where = self._home or self._folder or tempfile.gettempdir()
+            self.close()
+            raise DiskError(f"cannot keep the steps of a run in '{where}': {reason(error)}") from None
+        self._parts.append(part)
+        self._held, self._bytes = [], 0
+
+    def _make_home(self) -> Path:
+        if self._folder is None:
+            return Path(tempfile.mkdtemp(prefix="oarlock-"))
+        self._folder.mkdir(parents=True, exist_ok=True)
+        return Path(tempfile.mkdtemp(prefix=".steps.", dir=self._folder))
+
+    def _source(
+        self, with_columns: list[str] | None, predicate: pl.Expr | None, n_rows: int | None, batch_size: int | None
+    ) -> Iterator[pl.DataFrame]:
+        """As polars asks a source."""
+        for chunk in self.chunks(with_columns):
+            for rows in chunk.iter_slices(SLICE):
+                taken = rows if n_rows is None else rows.head(n_rows)
+                yield taken if predicate is None else taken.filter(predicate)
+                if n_rows is not None:
+                    n_rows -= len(taken)
+                    if n_rows == 0:
+                        return
+
+
+def spools(count: int, schema: Schema, folder: Path | None = None) -> list[Spool]:
+    """A spool for each table of one walk. The more there are, the less each keeps in memory."""
+    return [Spool(schema, folder, min(HELD, HELD_TOGETHER // count)) for _ in range(count)]

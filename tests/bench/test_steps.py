@@ -1,0 +1,44 @@
+"""The table of steps side by side: who takes part, and what the ratios are of. No times are tested."""
+
+import json
+
+import pytest
+from oarlock import InputError
+from oarlock.bench.steps import BARE, RUNS, bench_stepping
+from oarlock.cli.app import main
+from oarlock.stepping import native_path
+
+
+def test_everyone_takes_part():
+    (table,) = bench_stepping(["boat"], rounds=2, steps=30)
+    by_name = {row["name"]: row for row in table}
+    assert len(by_name) == len(table)
+    assert by_name[BARE]["ratio"] == 1
+    assert all(row["step_us"] > 0 and row["ratio"] > 0 for row in table)
+    for part in ("exact free run, auto", "exact free run, sr1-tracked", "lockstep", "Python path", "on all cores"):
+        assert any(part in name for name in by_name), part
+    assert {row["name"] for row in table if row["speedup"]} == {
+        f"{RUNS} runs, on all cores",
+        f"{RUNS} runs of {BARE}, on all cores",
+    }
+    # Of MuJoCo's settings one is the fastest, by the median.
+    bare = [row for row in table if row["name"].startswith(BARE)]
+    assert min(row["step_us"] for row in bare) == pytest.approx(
+        next(row["step_us"] for row in bare if row["ratio_to_fastest"] == 1)
+    )
+
+
+def test_without_the_native_path_there_is_nothing_to_time(monkeypatch):
+    monkeypatch.setattr(native_path, "refusal", lambda: "another version")
+    with pytest.raises(InputError, match="no native stepping: another version"):
+        list(bench_stepping(["boat"], rounds=1, steps=5))
+
+
+def test_the_command_writes_json_alone(capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["oarlock", "bench", "--model", "four_bar", "--rounds", "1", "--json", "-"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code in (0, None)
+    document = json.loads(capsys.readouterr().out)
+    assert document["rows"] == []
+    assert {row["model"] for row in document["stepping"]} == {"four_bar"}

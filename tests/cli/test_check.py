@@ -1,0 +1,147 @@
+"""``oarlock check``: what it prints, writes and exits with; and ``oarlock.check``."""
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import oarlock
+import polars as pl
+import pytest
+from oarlock.diagnosis.examination import PARTS
+from places import FIXTURES, REPOSITORY
+
+CHECKED = FIXTURES / "check"
+GRIPPER = CHECKED / "gripper_2f" / "gripper_2f.xml"
+HEADINGS = ["1  The loops", "2  The start", "3  Drift", "4  Why", "5  What would hold it", "6  Forces", "Findings"]
+
+
+def test_a_file_is_told_in_order(oarlock_here):
+    said = oarlock_here("check", GRIPPER)
+    assert (said.returncode, said.stderr) == (0, "")
+    places = [said.stdout.index(heading) for heading in HEADINGS]
+    assert places == sorted(places)
+    for text in ("mimic", "planar", "keyframe 'open': consistent", "missing J̇v", '<option timestep="', "T1 recipe"):
+        assert text in said.stdout
+
+
+def test_the_front_page_shows_what_is_printed(oarlock_here):
+    front = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    shown = [
+        " ".join(line.split())
+        for line in front.splitlines()
+        if line.startswith(("    #0 ", "    mimic ", "    note    D2"))
+    ]
+    said = [" ".join(line.split()) for line in oarlock_here("check", GRIPPER, "--budget", "0").stdout.splitlines()]
+    assert len(shown) == 3
+    assert [line for line in shown if line not in said] == []
+
+
+def test_json_is_all_there_is_on_standard_output(oarlock_here):
+    said = oarlock_here("check", GRIPPER, "--json", "-")
+    document = json.loads(said.stdout)
+    loops = document["loops"]
+    assert (loops["rows"], loops["rank"], loops["redundancy"], loops["dof"]) == (7, 5, 2, 1)
+    assert [one["name"] for one in loops["equalities"]] == ["#0", "#1", "mimic"]
+    mimic = next(one for one in document["why"]["equalities"] if one["name"] == "mimic")
+    assert sum(mimic["shares"].values()) == pytest.approx(1.0)
+    *parts, together = document["why"]["accelerations"]
+    assert {one["cause"] for one in parts} == set(mimic["shares"])
+    assert together["cause"] == "together"
+    # The whole is no longer than its parts one after another.
+    assert 0 < together["rms"] <= sum(one["rms"] for one in parts)
+    assert mimic["shares"]["curvature"] > 0.5
+    assert document["recipe"]["outcome"] == "reached"
+    assert document["recipe"]["chosen"]["drift"] <= 1e-6
+    assert {one["code"] for one in document["findings"]} >= {"D1", "D2", "L3", "R2", "T1"}
+    assert document["provenance"]["mujoco"] == mujoco.__version__
+
+
+def test_fail_above_is_a_gate(oarlock_here):
+    for bound, status in (("1e-9", 1), ("1e-2", 0)):
+        said = oarlock_here("check", GRIPPER, "--fail-above", bound, "--budget", "0", "--json", "out.json")
+        codes = [one["code"] for one in json.loads(Path("out.json").read_text(encoding="utf-8"))["findings"]]
+        assert (said.returncode, "D7" in codes) == (status, status == 1)
+        assert (f"expected at most {float(bound):g}" in said.stderr) == (status == 1)
+
+
+def test_tuned_copy_holds_what_it_promises(oarlock_here):
+    said = oarlock_here("check", CHECKED / "contacts.xml", "--ignore-inequalities", "--write-tuned", "tuned.xml")
+    assert said.returncode == 0, said.stderr
+    said = oarlock_here("check", "tuned.xml", "--ignore-inequalities", "--fail-above", "1e-6", "--budget", "0")
+    assert said.returncode == 0, said.stderr
+
+
+def test_keyframe_is_the_closed_start(oarlock_here):
+    source = CHECKED / "locked_cranks.xml"
+    assert oarlock_here("check", source, "--budget", "0", "--write-keyframe", "closed.xml").returncode == 0
+    model = mujoco.MjModel.from_xml_path("closed.xml")
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.nkey - 1)
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.efc_pos[: data.ne]).max() <= 1e-9
+
+
+def test_controls_can_be_chosen(oarlock_here):
+    leg = CHECKED / "biped_leg" / "leg.xml"
+    model = mujoco.MjModel.from_xml_path(str(leg))
+    name = model.actuator(0).name
+    common = ("check", leg, "--budget", "0", "--duration", "0.1", "--json", "-")
+    held = json.loads(oarlock_here(*common, "--control", f"{name}=0.1").stdout)
+    assert held["laws"] == {name: "0.1"}
+    first, second = (
+        json.loads(oarlock_here(*common, "--controls", "random", "--seed", seed).stdout) for seed in (1, 2)
+    )
+    assert first["laws"] != second["laws"]
+    assert first["duration_s"] == pytest.approx(0.1)
+
+
+def test_another_integrator_and_timestep(oarlock_here):
+    """Time stepping under Euler, nothing of it under Runge–Kutta at half the step, of a fast four-bar."""
+    shares = {}
+    for integrator, timestep in (("euler", 1e-3), ("rk4", 5e-4)):
+        asked = ("--integrator", integrator, "--timestep", timestep, "--budget", "0", "--json", "-")
+        document = json.loads(oarlock_here("check", "four_bar", *asked).stdout)
+        assert document["timestep_s"] == timestep
+        (pin,) = document["why"]["equalities"]
+        shares[integrator] = pin["shares"]["stepping"]
+    assert shares["euler"] > 0.9
+    assert abs(shares["rk4"]) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["nothing.xml"], "nothing.xml"),
+        ([CHECKED / "none.xml"], "no <equality> element"),
+        ([GRIPPER, "--keyframe", "wide"], "expected one of: open, shut"),
+        ([GRIPPER, "--controls", "wild"], "expected one of: keyframe, constant, random"),
+        ([GRIPPER, "--control", "x"], "--control x, expected ACTUATOR=VALUE"),
+        ([GRIPPER, "--control", "x=1"], "actuator"),
+        ([GRIPPER, "--duration", "nan"], "--duration = nan, expected a finite number > 0"),
+        ([GRIPPER, "--timestep", "0"], "--timestep = 0, expected a finite number > 0"),
+        ([GRIPPER, "--integrator", "heun"], "expected one of: euler, implicit, implicitfast, rk4"),
+        ([GRIPPER, "--integrator", ""], "expected one of: euler, implicit, implicitfast, rk4"),
+        ([GRIPPER, "--target", "0"], "--target = 0, expected a finite number > 0"),
+        ([CHECKED / "unreachable.xml", "--budget", "0", "--write-keyframe", "out.xml"], "no pose near the start"),
+        ([CHECKED / "unreachable.xml", "--write-tuned", "out.xml"], "no closed start"),
+    ],
+)
+def test_a_mistake_is_one_line(oarlock_here, arguments, expected):
+    said = oarlock_here("check", *arguments)
+    assert said.returncode == 2
+    assert expected in said.stderr
+    assert len(said.stderr.strip().splitlines()) == 1
+
+
+def test_from_python():
+    parts = []
+    checked = oarlock.check(GRIPPER, budget_s=0, duration_s=0.2, progress=lambda part, _: parts.append(part))
+    assert parts == list(PARTS)
+    assert checked.findings.columns == ["severity", "code", "name", "element", "line"]
+    assert set(checked.drift["level"]) == {"position", "velocity", "acceleration"}
+    by_equality = checked.causes.group_by("equality").agg(pl.col("share").sum())
+    np.testing.assert_allclose(by_equality["share"], 1.0)
+    assert checked.trials.is_empty()
+    assert checked.mjcf == ""
+    assert "checked" in repr(checked)

@@ -1,0 +1,319 @@
+"""The native path: bit for bit the Python path, on every model; errors are exceptions, never an exit."""
+
+import subprocess
+import sys
+import threading
+import warnings
+
+import mujoco
+import numpy as np
+import oarlock._core as _core
+import oarlock.stepping.setup
+import polars as pl
+import pytest
+from mechanisms import TANGLE, case_of, four_bar, write_model
+from oarlock import InputError, run
+from oarlock.cases.case import Case, load_case, model_names, variant_names
+from oarlock.experiments.laboratory import Laboratory, Stepping
+from oarlock.experiments.task import Task
+from oarlock.mechanics.load import collected_warnings
+from oarlock.stepping import native_path
+from oarlock.stepping.solvers import SolverSpec
+from oarlock.stepping.start import ConsistentStart
+
+STEPS = 2000
+FEW_STEPS = 150
+TIMES = ("step_us", "solve_ns")
+"""What no two runs agree in."""
+
+MUJOCO, AUTO, TRACKED, PINV = (SolverSpec.parse(text) for text in ("mujoco", "auto", "sr1-tracked", "pinv"))
+GIVEN = {
+    "qpos": np.zeros(3),
+    "qvel": np.zeros(3),
+    "laws": [],
+    "beta": 0.0,
+    "k": 0.0,
+    "observed": None,
+    "conserved": False,
+    "snapshots": [],
+}
+"""What a core's setup of a four-bar is made of."""
+
+EVERY_CASE = [name for model in model_names() for name in variant_names(model)]
+EVERY_KIND = [
+    Task("calibration", MUJOCO, (), (), "rk4", "default"),
+    Task("lockstep", PINV, ("matched", "hard"), (AUTO,), "rk4", "default", "both"),
+    Task("one-step", MUJOCO, ("matched", "hard"), (AUTO, TRACKED), "euler", "default"),
+    Task("free", MUJOCO, ("matched", "hard"), (MUJOCO, AUTO), "implicit", "default"),
+    Task("free", MUJOCO, ("hard",), (TRACKED,), "implicitfast", "default", "projection"),
+]
+
+
+def walked(case: Case, task: Task, steps: int, stepping: Stepping) -> list[tuple[str, str, pl.DataFrame]]:
+    timestep_s = case.file.run.timestep_s or 2e-3
+    laboratory = Laboratory(case, timestep_s, steps * timestep_s, lambda steps: None, stepping=stepping)
+    return [(result.status, result.message, result.steps.frame().drop(TIMES)) for result in laboratory.run(task)]
+
+
+def require_equal(case: Case, task: Task, steps: int) -> list[tuple[str, str, pl.DataFrame]]:
+    native, python = walked(case, task, steps, "native"), walked(case, task, steps, "python")
+    assert len(native) == len(python)
+    for (status, message, ours), (expected_status, expected_message, expected) in zip(native, python, strict=True):
+        assert (status, message) == (expected_status, expected_message)
+        differing = [name for name in ours.columns if not ours[name].equals(expected[name])]
+        assert not differing, f"{task.mode}: {differing}"
+    return native
+
+
+@pytest.mark.parametrize("name", EVERY_CASE)
+def test_every_model_walks_the_same_way(name):
+    """What is asked of MuJoCo, and what exact constraints make of it, over many steps."""
+    case = load_case(name)
+    solvers = (AUTO,) if int(case.expected().get("nv", 0)) > 40 else (AUTO, TRACKED)
+    integrator = case.file.run.integrator
+    require_equal(case, Task("lockstep", MUJOCO, ("matched", "hard"), solvers, integrator, "default"), STEPS)
+    free = Task("free", MUJOCO, ("hard",), (AUTO,), integrator, "default", case.file.run.stabilisation)
+    ((_, _, steps),) = require_equal(case, free, STEPS)
+    assert len(steps) >= min(STEPS, 100)
+
+
+@pytest.mark.parametrize("task", EVERY_KIND, ids=lambda task: f"{task.mode}-{task.integrator}")
+@pytest.mark.parametrize("name", ["boat", "floating_four_bar", "gear_train", "ring", "welded_frame"])
+def test_every_experiment_and_integrator(name, task):
+    require_equal(load_case(name), task, FEW_STEPS)
+
+
+@pytest.mark.parametrize("task", EVERY_KIND, ids=lambda task: f"{task.mode}-{task.integrator}")
+def test_every_equality_at_once(tmp_path, monkeypatch, task):
+    """From the model's own pose: it cannot be closed."""
+    case = case_of(write_model(tmp_path, TANGLE))
+
+    def as_it_stands(model: mujoco.MjModel, *_given) -> ConsistentStart:
+        qvel = np.random.default_rng(1).normal(size=model.nv)
+        return ConsistentStart(model.qpos0.copy(), qvel, rows=0, rank=0, dof=0, moved=0.0, unique={})
+
+    monkeypatch.setattr(oarlock.setup, "consistent_start", as_it_stands)
+    tables = require_equal(case, task, 30)
+    assert all(len(steps) > 5 for _, _, steps in tables)
+    if task.mode != "calibration":
+        assert {len(residual) for _, _, steps in tables for residual in steps["residual"]} == {3 * 3 + 5 * 6 + 2 + 4}
+
+
+# How runs end.
+
+ENDS = {
+    "a limit becomes active": (
+        four_bar(rocker='limited="true" range="-0.5 0.05"'),
+        "start.qvel.crank = 4.0\n",
+        "limit of joint 'rocker' is active at t = ",
+    ),
+    "a law has no value": (
+        four_bar(rest='<actuator><motor name="motor" joint="crank"/></actuator>'),
+        'drive.ctrl.motor = "sqrt(0.05 - t)"\n',
+        "expected a finite control",
+    ),
+}
+
+
+@pytest.mark.parametrize("integrator", ["euler", "rk4"])
+@pytest.mark.parametrize("what", ENDS)
+def test_refusals_are_the_same(tmp_path, what, integrator):
+    xml, toml, part = ENDS[what]
+    path = write_model(tmp_path / "m", xml, f'title = "m"\n{toml}').parent
+    said = []
+    for stepping in ("native", "python"):
+        with pytest.raises(InputError) as raised:
+            run(
+                path,
+                mode="free",
+                form="hard",
+                solver=["auto"],
+                integrator=integrator,
+                duration_s=1.0,
+                stepping=stepping,
+            )
+        said.append(str(raised.value))
+    assert part in said[0]
+    assert said[0] == said[1]
+
+
+@pytest.mark.parametrize("mode", ["free", "lockstep", "one-step"])
+def test_a_run_that_diverges_keeps_the_same_steps(tmp_path, mode):
+    path = write_model(tmp_path, four_bar())
+    case = case_of(path, settings={"wild": {"solref": [-1e9, -1e7]}}, start={"qvel": {"crank": 3.0}})
+    task = Task(mode, MUJOCO, ("hard",), (AUTO,), "euler", "wild")
+    if mode == "free":
+        task = Task(mode, MUJOCO, ("matched",), (MUJOCO, AUTO), "euler", "wild")
+    ended = require_equal(case, task, 400)
+    assert all(0 < len(steps) < 400 for _, _, steps in ended)
+    assert all(status == "diverged" for status, _, _ in ended)
+
+
+def test_sparse_jacobians_give_the_same_run():
+    """Cases ask for dense ones; whoever takes the core directly need not."""
+    case = load_case("n_four_bar")
+    assert native_path.refusal() == ""
+    found = []
+    for jacobian in (mujoco.mjtJacobian.mjJAC_DENSE, mujoco.mjtJacobian.mjJAC_SPARSE):
+        setup = Laboratory(case, None, 0.3, lambda steps: None).setup("rk4")
+        setup.model.opt.jacobian = jacobian
+        (table,) = core_run(setup).tables()
+        found.append(table["qpos"][0])
+    assert np.array_equal(*found)
+
+
+def core_run(setup) -> _core.Run:
+    core = _core.Setup(setup.model, **{**GIVEN, "qpos": setup.start.qpos, "qvel": setup.start.qvel})
+    result = core.free_solved(setup.steps, "hard", AUTO.make(), PINV.make())
+    assert result.advance(setup.steps) == setup.steps
+    return result
+
+
+# MuJoCo's own errors.
+
+
+def exhausting() -> mujoco.MjModel:
+    """A model whose memory is enough until a limit becomes active, where MuJoCo calls mju_error."""
+    xml = four_bar(rocker='limited="true" range="-0.5 0.02"')
+    with collected_warnings():
+        for memory in range(400, 100_000, 8):
+            tight = xml.replace("<default>", f'<size memory="{memory}"/><default>', 1)
+            try:
+                model = mujoco.MjModel.from_xml_string(tight)
+                data = mujoco.MjData(model)
+                mujoco.mj_forward(model, data)
+            except (ValueError, mujoco.FatalError):
+                continue
+            if data.ne == 3:  # with less it leaves them out, and only warns
+                return model
+    raise AssertionError("no such memory")
+
+
+def test_an_error_of_mujoco_is_an_exception_on_every_thread():
+    assert native_path.refusal() == ""
+    model = exhausting()
+
+    def fresh() -> _core.Run:
+        return _core.Setup(model, **{**GIVEN, "qvel": np.array([0.0, 0.0, 1.0])}).bare(1000)
+
+    runs = [fresh() for _ in range(8)]
+    taken = _core.advance_all(runs, 1000)
+    assert len(set(taken)) == 1
+    assert 0 < taken[0] < 1000  # in mid-run
+    for one in runs:
+        with pytest.raises(mujoco.FatalError, match=r"insufficient|memory|arena|stack"):
+            _ = one.end
+
+    said: list[str] = []
+
+    def walk() -> None:
+        try:
+            fresh().walk()
+        except mujoco.FatalError as error:
+            said.append(str(error))
+
+    threads = [threading.Thread(target=walk) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(said) == 4
+
+
+# When it cannot be taken.
+
+
+def test_another_version_of_mujoco_is_said_and_stepped_in_python(monkeypatch):
+    reason = "MuJoCo 4.0.1 is installed, the native stepping was built against 4.0.0"
+    monkeypatch.setattr(native_path, "refusal", lambda: reason)
+    asked = {"mode": "free", "form": "hard", "solver": "auto", "duration_s": 0.01}
+    with pytest.warns(UserWarning, match="stepping in Python, which is slower: MuJoCo 4.0.1 is installed"):
+        results = run("boat", **asked)
+    assert {row["stepping"] for row in results.rows} == {"python"}
+    with pytest.raises(InputError, match=r"no native stepping: MuJoCo 4\.0\.1"):
+        run("boat", stepping="native", **asked)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run("boat", stepping="python", **asked)
+
+
+def test_the_table_says_which_path_was_taken():
+    asked = {"mode": "free", "form": "hard", "solver": ["auto", "mujoco"], "duration_s": 0.01}
+    for stepping, expected in (("auto", "native"), ("python", "python")):
+        rows = run("boat", stepping=stepping, **asked).rows
+        assert {row["stepping"] for row in rows if row["solver"] == "auto"} == {expected}
+    with pytest.raises(InputError, match="unknown stepping 'fast', expected one of: auto, native, python"):
+        run("boat", stepping="fast", **asked)
+
+
+def in_a_fresh_process(text: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", text], capture_output=True, encoding="utf-8", timeout=60, check=False)
+
+
+FRESH = """
+import numpy as np, mujoco
+from oarlock import _core
+body = "<body><freejoint/><geom size='1'/></body>"
+model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{{body}}</worldbody></mujoco>")
+try:
+    {}
+except ValueError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ("_core.open_mujoco('/nowhere/libmujoco.so')", "'/nowhere/libmujoco.so' is not loaded"),
+        ("_core.open_mujoco('a\\0b')", "is no path of a library"),
+        ("_core.open_mujoco(_core.__file__)", "has no function mj_version"),
+        (
+            "_core.Setup(model, qpos=np.zeros(7), qvel=np.zeros(6), laws=[], beta=0, k=0, observed=None, "
+            "conserved=False, snapshots=[])",
+            "MuJoCo's library is not opened yet",
+        ),
+    ],
+)
+def test_nothing_is_called_before_the_library_is_known(call, message):
+    done = in_a_fresh_process(FRESH.format(call))
+    assert done.returncode == 0, done.stderr
+    assert message in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"qpos": np.zeros(4)}, "4 positions and 3 velocities, expected 3 and 3"),
+        ({"qvel": np.zeros(2)}, "3 positions and 2 velocities, expected 3 and 3"),
+        ({"observed": ("qpos", 3)}, "the model has no qpos 3"),
+        ({"observed": ("site", 9)}, "the model has no site 9"),
+        ({"observed": ("geom", 0)}, "the model has no geom 0, expected qpos or site"),
+        ({"laws": [(0, _core.TimeLaw("t"))]}, "the model has no actuator 0"),
+    ],
+)
+def test_what_does_not_fit_the_model_is_refused(changes, message):
+    assert native_path.refusal() == ""
+    model = mujoco.MjModel.from_xml_string(four_bar())
+    with pytest.raises(InputError, match=message):
+        _core.Setup(model, **{**GIVEN, **changes}).bare(1)
+
+
+def test_only_models_are_taken_for_models():
+    assert native_path.refusal() == ""
+    with pytest.raises(InputError, match=r"expected a mujoco\.MjModel"):
+        _core.Setup(7, **GIVEN)
+
+
+def test_later_changes_of_a_model_are_not_seen():
+    assert native_path.refusal() == ""
+    model = mujoco.MjModel.from_xml_string(four_bar())
+    setup = _core.Setup(model, **{**GIVEN, "qvel": np.array([0.1, 0.0, 0.0])})
+    model.opt.gravity[:] = 0
+    model.opt.timestep = 10.0
+    del model
+    one = setup.bare(5)
+    assert one.advance(9) == 5
+    _, qvel, time = one.state
+    assert time == pytest.approx(0.01)
+    assert abs(qvel).max() > 0.01  # it has fallen
