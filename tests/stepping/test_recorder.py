@@ -78,7 +78,7 @@ def test_figures_are_those_of_every_step_alone(monkeypatch, task):
         return [result.steps.frame().drop(TIMES) for result in laboratory.run(task)]
 
     together = walked()
-    monkeypatch.setattr(oarlock.recorder, "RECORDED", 1)
+    monkeypatch.setattr(oarlock.stepping.recorder, "RECORDED", 1)
     for ours, alone in zip(together, walked(), strict=True):
         assert len(ours) == 50
         assert ours.equals(alone)

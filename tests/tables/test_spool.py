@@ -21,7 +21,7 @@ from mechanisms import only, setup_of
 from oarlock import InputError, load_case, run
 from oarlock.base.files import replacing
 from oarlock.experiments.sketch import TRACE_POINTS, traced
-from oarlock.render import charts as figures
+from oarlock.report import figures
 from oarlock.report.case_report import Tables, write_report
 from oarlock.tables import spool
 from oarlock.tables.aggregate import TIMING_FIGURES, summarise
@@ -151,7 +151,7 @@ def test_a_closed_spool_leaves_nothing(tmp_path):
 def test_the_folder_ends_with_the_process(tmp_path, end):
     script = f"""
 import polars as pl
-from oarlock.spool import Spool
+from oarlock.tables.spool import Spool
 kept = Spool({{"a": pl.Int64}}, held=0)
 kept.append(pl.DataFrame({{"a": [1, 2]}}))
 print(kept._home)
@@ -307,7 +307,9 @@ def test_the_report_of_a_long_run(tmp_path, monkeypatch):
 
 COMMAND = """
 import resource, sys
-from oarlock import cli, native_path, recorder, spool
+from oarlock.cli import app as cli
+from oarlock.stepping import native_path, recorder
+from oarlock.tables import spool
 spool.HELD = spool.PART = {held}
 native_path.CHUNK_ROWS = recorder.RECORDED = 200
 resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
@@ -375,7 +377,7 @@ def test_an_interrupted_long_run_leaves_the_finished_ones(tmp_path):
 
 PEAK = """
 import json, sys
-from oarlock import spool
+from oarlock.tables import spool
 spool.HELD, spool.HELD_TOGETHER = int(sys.argv[1]), 4 * int(sys.argv[1])
 from pathlib import Path
 {imports}
@@ -389,10 +391,11 @@ print(json.dumps([peak() - before, rows]))
 MADE_UP = {
     "imports": """
 import numpy as np, polars as pl
-from oarlock.aggregate import summarise
-from oarlock.results import SCHEMA, ResultFolder, RunKey, RunResult
-from oarlock.sketch import traced
-from oarlock.spool import Spool
+from oarlock.tables.aggregate import summarise
+from oarlock.tables.folder import ResultFolder
+from oarlock.tables.schema import SCHEMA, RunKey, RunResult
+from oarlock.experiments.sketch import traced
+from oarlock.tables.spool import Spool
 """,
     "prepare": """
 key = RunKey("c", "free", "pinv", "pinv", "hard", "rk4", "default", "python", 1e-3, 3)

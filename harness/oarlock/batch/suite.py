@@ -230,9 +230,9 @@ def carry_out(suite: Suite, workers: Workers, *, fresh: bool = False, listener: 
     try:
         with closing(dispatch(run_unit, work, workers)) as all_done:
             for done in all_done:
-                unit, outcome = done.item, done.result
-                if done.error is not None:
-                    outcome = Outcome(Failure("failed", one_line(str(done.error))))
+                unit = done.item
+                failure = None if done.error is None else Failure("failed", one_line(str(done.error)))
+                outcome = Outcome(failure) if failure else done.result
                 owners[unit].ledger.keep(unit.name, unit.digest, dict(unit.point.values), outcome)
                 listener.finished(unit.label, outcome.seconds, str(outcome.failure or ""))
     finally:

@@ -13,9 +13,9 @@ import polars as pl
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import reading
-from oarlock.render import charts as figures
 from oarlock.render.folder import CONTENTS, require_report, write_whole
 from oarlock.render.page import _TEMPLATES, Figure, page
+from oarlock.report import figures
 from oarlock.tables.aggregate import TIMING_FIGURES
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.provenance import OCCASION, occasion_of

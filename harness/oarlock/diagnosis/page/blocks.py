@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from oarlock.base.errors import one_line
+from oarlock.render import page as report
 from oarlock.render.page import Figure
-from oarlock.report import case_report as report
 
 
 def plain(text: object) -> str:
