@@ -156,6 +156,7 @@ def test_command(tiny, oarlock_command):
     assert again.stderr.splitlines() == [f"running: {UNITS} of {UNITS} kept from before"]
 
 
+@pytest.mark.slow
 def test_an_interruption_keeps_what_is_finished(tmp_path):
     err = interrupted_and_resumed(tmp_path, "--scheduler", "local")
     assert [line for line in err.splitlines() if not line.startswith("  long ")] == [
@@ -166,6 +167,7 @@ def test_an_interruption_keeps_what_is_finished(tmp_path):
 # Clusters that run elsewhere.
 
 
+@pytest.mark.slow
 def test_workers_that_come_and_go(tiny, tmp_path, counted, monkeypatch):
     """The first worker comes late, and has several threads: one unit at a time all the same."""
     monkeypatch.setattr("oarlock.batch.cluster._ALONE_S", 0.1)
@@ -202,6 +204,7 @@ def test_a_worker_without_the_same_program_is_left_out(tiny, oarlock_here):
     assert "oarlock" in line.rpartition("ModuleNotFoundError")[2]
 
 
+@pytest.mark.slow
 def test_units_go_to_the_workers_that_can_do_them(tiny, tmp_path):
     said = []
     with (
@@ -227,6 +230,7 @@ def test_a_model_that_is_not_there_is_refused(tiny, tmp_path, cluster):
     assert status_of(suite) == 2
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_dies_ends_the_suite(tmp_path):
     long = write_model(tmp_path / "long", four_bar(), TINY.replace("0.02", "4.0")).parent
     suite = plan_suite([str(long)], tmp_path / "out")
