@@ -12,12 +12,13 @@ use std::time::Instant;
 use faer::{Mat, MatRef, Side};
 use nalgebra::{DMatrix, DVector};
 
-use crate::eigen::RANK_CUT;
 use crate::error::Error;
-use crate::kernels::{norm, vectorised};
+use crate::linalg::kernels::{norm, vectorised};
 use crate::params::Options;
 use crate::problem::Wanted;
-use crate::solver::{MultiplierSolver, SOLVERS};
+use crate::registry::SOLVERS;
+use crate::solvers::eigen::RANK_CUT;
+use crate::solvers::solver::MultiplierSolver;
 use crate::system::ConstrainedSystem;
 use crate::test_problems::Galley;
 
@@ -78,13 +79,13 @@ impl Contestant {
     fn solve(
         &mut self,
         system: &mut ConstrainedSystem,
-        dense: &DMatrix<f64>,
+        (matrix, rhs): &Given,
         x: &mut [f64],
     ) -> Result<usize, Error> {
         match self {
             Self::Ours(solver) => Ok(system.solve(&mut **solver, Wanted::Multipliers, x)?.products),
             Self::Library(_, solve) => {
-                x.copy_from_slice(vectorised(|| solve(dense, system.rhs())).as_slice());
+                x.copy_from_slice(vectorised(|| solve(matrix, rhs)).as_slice());
                 Ok(0)
             }
         }
@@ -96,6 +97,9 @@ impl Contestant {
         }
     }
 }
+
+/// A and b of a step, as the libraries take them.
+type Given = (DMatrix<f64>, DVector<f64>);
 
 /// A⁺ b by a library's decomposition.
 type LibrarySolve = fn(&DMatrix<f64>, &DVector<f64>) -> DVector<f64>;
@@ -235,7 +239,7 @@ pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -
 /// A recorded sequence with its solutions.
 struct Sequence {
     systems: Vec<ConstrainedSystem>,
-    dense: Vec<DMatrix<f64>>,
+    given: Vec<Given>,
     truth: Vec<Vec<f64>>,
     x: Vec<f64>,
 }
@@ -251,20 +255,21 @@ impl Sequence {
             galley.contradict(|row| contradiction * (7.0 * time + row as f64).sin());
             system.assemble(&galley.view())?;
         }
-        let dense: Vec<_> = systems.iter().map(ConstrainedSystem::full_matrix).collect();
-        let solve = |(matrix, system): (&DMatrix<f64>, &ConstrainedSystem)| {
-            faer_eigen(matrix, system.rhs()).as_slice().to_vec()
+        let give = |system: &ConstrainedSystem| {
+            let matrix = DMatrix::from_column_slice(n, n, &system.full_matrix());
+            (matrix, DVector::from_column_slice(system.rhs()))
         };
-        let truth = dense.iter().zip(&systems).map(solve).collect();
-        Ok(Self { systems, dense, truth, x: vec![0.0; n] })
+        let given: Vec<Given> = systems.iter().map(give).collect();
+        let truth = given.iter().map(|(matrix, rhs)| faer_eigen(matrix, rhs).as_slice().to_vec()).collect();
+        Ok(Self { systems, given, truth, x: vec![0.0; n] })
     }
 
     /// Largest relative distance from the minimum norm, and products a solve.
     fn follow(&mut self, contestant: &mut Contestant) -> Result<(f64, f64), Error> {
         let (mut worst, mut products) = (0.0_f64, 0);
         contestant.reset();
-        for ((system, dense), truth) in self.systems.iter_mut().zip(&self.dense).zip(&self.truth) {
-            products += contestant.solve(system, dense, &mut self.x)?;
+        for ((system, given), truth) in self.systems.iter_mut().zip(&self.given).zip(&self.truth) {
+            products += contestant.solve(system, given, &mut self.x)?;
             worst = worst.max(distance(&self.x, truth));
         }
         Ok((worst, products as f64 / self.systems.len() as f64))
@@ -277,11 +282,11 @@ impl Sequence {
             if forming { system.forget_matrix() } else { system.form_matrix() }
         }
         let mut begin = Instant::now();
-        for (step, (system, dense)) in self.systems.iter_mut().zip(&self.dense).enumerate() {
+        for (step, (system, given)) in self.systems.iter_mut().zip(&self.given).enumerate() {
             if step == WARM_UP {
                 begin = Instant::now();
             }
-            contestant.solve(system, dense, &mut self.x)?;
+            contestant.solve(system, given, &mut self.x)?;
         }
         Ok(begin.elapsed().as_secs_f64() * 1e9 / (self.systems.len() - WARM_UP) as f64)
     }

@@ -124,14 +124,6 @@ pub enum Error {
         /// What is wrong, and what was expected.
         reason: String,
     },
-    /// A law of time does not parse or names an unknown variable.
-    #[error("time law '{law}': {reason}")]
-    TimeLaw {
-        /// Source text of the law.
-        law: String,
-        /// What is wrong.
-        reason: String,
-    },
     /// The eigensolver gave up; finite symmetric input does not get here in practice.
     #[error("symmetric eigendecomposition of an {n}×{n} matrix did not converge")]
     Eigen {

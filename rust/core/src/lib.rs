@@ -21,37 +21,56 @@
 //! Signs are MuJoCo's. The paper that the method comes from writes `M a = f − Gᵀ μ` and `b = G M⁻¹ f − h`; its
 //! multiplier is `μ = −λ` and its right-hand side `−b`, which changes no iteration count and no norm.
 //!
+//! # In short
+//!
+//! ```
+//! use oarlock_core::{ConstrainedSystem, Options, StepView, Wanted, make_solver};
+//!
+//! // A mass of 2 kg in a plane, held by three rods, of which two would do: three rows of rank two.
+//! let step = StepView {
+//!     mass: &[2.0, 0.0, 0.0, 2.0],
+//!     jacobian: &[1.0, 0.0, 0.0, 1.0, 0.6, 0.8],
+//!     force: &[0.0, -19.62],
+//!     aref: &[0.0; 3],
+//!     regularisation: None,
+//! };
+//! let mut system = ConstrainedSystem::new();
+//! let mut solver = make_solver("auto", &Options::new())?;
+//! let (mut multipliers, mut force, mut acceleration) = ([0.0; 3], [0.0; 2], [0.0; 2]);
+//!
+//! // Every step of a simulation does these three.
+//! system.assemble(&step)?;
+//! let info = system.solve(&mut *solver, Wanted::Multipliers, &mut multipliers)?;
+//! system.acceleration(&multipliers, &mut force, &mut acceleration)?;
+//!
+//! assert_eq!(info.rank, Some(2));
+//! for (got, expected) in multipliers.iter().zip([-4.7088, 13.3416, 7.848]) {
+//!     assert!((got - expected).abs() < 1e-12, "the forces of least norm, N");
+//! }
+//! assert!((force[1] - 19.62).abs() < 1e-12 && acceleration[1].abs() < 1e-12, "it hangs still");
+//! # Ok::<(), oarlock_core::Error>(())
+//! ```
+//!
 //! # The parts, in the order that data flows
 //!
 //! | module | noun |
 //! |---|---|
-//! | [`step`] | [`StepView`](step::StepView): what one time step hands over (rows of J, M, f, aref, and R if the rows are soft), or a [`FactoredStep`](step::FactoredStep) of who has M factored |
-//! | [`system`] | [`ConstrainedSystem`](system::ConstrainedSystem): A and b of that step, and the way back from λ to a |
-//! | [`solver`] | [`MultiplierSolver`](solver::MultiplierSolver): the trait, and the registry of names |
-//! | [`fold`], [`problem`] | zero and proportional rows taken out, exactly; what a solver then sees |
-//! | [`auto`] | the default: the fastest right solver, the reference where it fails |
-//! | [`sr1`] | the paper's algorithm (11): an SR1 iteration that carries A⁺ from step to step |
-//! | [`tracked`] | the same with its null space tracked ([`null_space`], [`history`]): minimum norm survives |
-//! | [`quasi_newton`] | what the paper compares with: SR1, BFGS and DFP with line search, carried the same way |
-//! | [`cholesky`] | rank-revealing, minimum norm through a basis of the null space: the fast direct solver |
-//! | [`pinv`] | the reference: pseudo-inverse from a symmetric eigendecomposition |
-//! | [`pinv_tracked`] | the same to rounding, from eigenvectors refined from step to step |
-//! | [`regularised`] | Cholesky of A + ε E with proximal steps: what regularising engines do |
-//! | [`cg`], [`minres`] | conjugate gradients and minimum residuals, in the frame of [`krylov`] |
-//! | [`eigen`] | the eigendecomposition behind both, with its rank cut; anew or carried |
+//! | [`problem`] | [`StepView`]: what one time step hands over (rows of J, M, f, aref, and R if the rows are soft), or a [`FactoredStep`] of who has M factored; [`Fold`](problem::Fold): zero and proportional rows taken out, exactly; [`Problem`]: what a solver then sees |
+//! | [`system`] | [`ConstrainedSystem`]: A and b of that step, and the way back from λ to a |
+//! | [`registry`] | [`make_solver`] and [`SOLVERS`]: solvers by name |
+//! | [`solvers`] | [`MultiplierSolver`], the trait, and every solver in a file of its own |
 //! | [`params`], [`info`], [`error`] | what is asked, what came out, what was wrong with the input |
-//! | [`time_law`] | scalar laws of time, for drives |
-//! | [`bench`](mod@bench) | all of them side by side, beside the pseudo-inverses of nalgebra and faer |
-//! | [`test_problems`] | the boat of the paper in closed form, and random systems, for tests and benchmarks |
+//! | `bench` | all of them side by side, beside the pseudo-inverses of nalgebra and faer; with the feature `bench` |
+//! | `test_problems` | the boat of the paper in closed form, and random systems, for tests and benchmarks; with the feature `bench` |
 //!
-//! Parameters, information and errors are three types: not converging is a [`Status`](info::Status), bad input is
-//! an [`Error`](error::Error), a panic is a bug. After its first solve of a size no solver allocates.
+//! Parameters, information and errors are three types: not converging is a [`Status`], bad input is
+//! an [`Error`], a panic is a bug. After its first solve of a size no solver allocates.
 //!
 //! # Which solver when
 //!
 //! Time of a solve from the assembled step, as a ratio to the fastest pseudo-inverse by eigendecomposition that nalgebra or
-//! faer offers (given A); n rows of a boat with n/6 pairs of oars, a third of them redundant ([`bench`](mod@bench);
-//! `oarlock bench` measures it anew). All of them give the minimum norm, also where rows contradict one another.
+//! faer offers (given A); n rows of a boat with n/6 pairs of oars, a third of them redundant (the feature
+//! `bench`; `oarlock bench` measures it anew). All of them give the minimum norm, also where rows contradict one another.
 //!
 //! | n | 6 | 12 | 24 | 48 | 96 | 192 |
 //! |---|---|---|---|---|---|---|
@@ -79,7 +98,7 @@
 //! # Which claim of the paper holds where
 //!
 //! P = range(A₀) is the range of A in the step before, F = A − A₀ the change, r₁ its rank. While P stands still, F is
-//! semidefinite (of either sign) and ‖F‖ ‖A₀⁺‖ < 1, what the paper proves of [`sr1`] holds, but for the last step in
+//! semidefinite (of either sign) and ‖F‖ ‖A₀⁺‖ < 1, what the paper proves of [`sr1`](solvers::sr1) holds, but for the last step in
 //! Lemma 4 and a symmetry in Lemma 6. `tests/claims.rs` has a property test a row, which passed 100 000 random cases (n ≤ 8,
 //! condition of A₀ ≤ 12). Errors of the middle column are relative to the products they come from, in units of 1e-15
 //! where nothing else is said.
@@ -109,7 +128,7 @@
 //! | relative denominators get small | 186 of 23 982 below 1e-2, 14 below 1e-3, the smallest 1.2e-5; none reaches the guard |
 //! | H has negative eigenvalues on the way | 15 solves |
 //! | a step leads away from the solution (in the norm of A) | 30 solves |
-//! | x loses its minimum norm, for range(H) ⊆ range(H₀) for ever | ‖x − A⁺b‖ / ‖A⁺b‖ up to tan 60° = 1.732, with `sr1`, `sr1-classic`, `bfgs` and `dfp`; 4.3e-9 with [`tracked`] |
+//! | x loses its minimum norm, for range(H) ⊆ range(H₀) for ever | ‖x − A⁺b‖ / ‖A⁺b‖ up to tan 60° = 1.732, with `sr1`, `sr1-classic`, `bfgs` and `dfp`; 4.3e-9 with [`sr1-tracked`](solvers::tracked) |
 //! | every solve converges all the same | in 2.00 iterations at ε = 1e-6, 3 at most; the paper says 1.994 |
 //!
 //! ‖A x − b‖ ≤ ε is reached only while b is in range(A): the floor is ‖Nᵀb‖, N a basis of null(A), and contradicting
@@ -121,42 +140,27 @@
 //! matrices" (in Russian; known by title and abstract, journal and year not verified).
 //! J. Baumgarte, "Stabilization of constraints and integrals of motion in dynamical systems", CMAME 1 (1972) 1–16.
 
-pub mod auto;
+#![warn(unreachable_pub)]
+// Modules speak to readers of the source, too.
+#![allow(rustdoc::private_intra_doc_links)]
+
+#[cfg(feature = "bench")]
 pub mod bench;
-pub mod carried;
-pub mod cg;
-pub mod cholesky;
-pub mod eigen;
 pub mod error;
-pub mod fold;
-pub mod history;
 pub mod info;
-mod kernels;
-pub mod krylov;
-pub mod minres;
-pub mod null_space;
+mod linalg;
 pub mod params;
-pub mod pinv;
-pub mod pinv_tracked;
 pub mod problem;
-pub mod quasi_newton;
-pub mod regularised;
-mod skyline;
-mod small;
-pub mod solver;
-mod spans;
-pub mod sr1;
-pub mod step;
+pub mod registry;
+pub mod solvers;
 pub mod system;
+#[cfg(feature = "bench")]
 pub mod test_problems;
-pub mod time_law;
-pub mod tracked;
 
 pub use error::Error;
 pub use info::{Info, Status};
 pub use params::Options;
-pub use problem::{Needs, Problem, Wanted};
-pub use solver::{MultiplierSolver, SOLVERS, State, make_solver};
-pub use step::{FactoredStep, StepView};
+pub use problem::{FactoredStep, Needs, Problem, StepView, Wanted};
+pub use registry::{SOLVERS, make_solver};
+pub use solvers::{MultiplierSolver, State};
 pub use system::ConstrainedSystem;
-pub use time_law::TimeLaw;

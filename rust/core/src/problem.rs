@@ -1,10 +1,14 @@
 //! What a solver sees of one step: A as an operator, b, and A itself where it asks for it.
 
-use nalgebra::{DMatrix, DVector};
+pub(crate) mod fold;
+pub(crate) mod step;
 
-use crate::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr, gemv, gram};
-use crate::skyline;
-use crate::spans::Spans;
+pub use fold::{FOLD_TOLERANCE, Fold};
+pub use step::{FactoredStep, StepView, Whiten};
+
+use crate::linalg::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr, gemv, gram};
+use crate::linalg::skyline;
+use crate::linalg::spans::Spans;
 
 /// What a solver works with. A hint: whatever it asks of a [`Problem`], it gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,15 +34,15 @@ pub enum Wanted {
 pub struct Problem<'a> {
     /// What is wanted.
     pub wanted: Wanted,
-    pub(crate) whitened: &'a DMatrix<f64>,
+    pub(crate) whitened: &'a [f64],
     /// Of the columns of W.
     pub(crate) spans: &'a Spans,
     /// First columns of the rows of A, if its envelope is narrow.
     pub(crate) envelope: Option<&'a [usize]>,
     pub(crate) softness: Option<&'a [f64]>,
-    pub(crate) dense: &'a mut DMatrix<f64>,
+    pub(crate) dense: &'a mut [f64],
     pub(crate) formed: &'a mut bool,
-    pub(crate) rhs: &'a DVector<f64>,
+    pub(crate) rhs: &'a [f64],
     pub(crate) work: &'a mut [f64],
 }
 
@@ -58,21 +62,21 @@ impl Problem<'_> {
     /// b, `n`.
     #[must_use]
     pub fn rhs(&self) -> &[f64] {
-        self.rhs.as_slice()
+        self.rhs
     }
 
     /// y = A x. Uses A itself if it has been formed.
     pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         if *self.formed {
             match self.envelope {
-                Some(first) => skyline::product(first, self.dense.as_slice(), x, y),
-                None => gemv(self.dense.as_slice(), x, y),
+                Some(first) => skyline::product(first, self.dense, x, y),
+                None => gemv(self.dense, x, y),
             }
             return;
         }
         let nv = self.work.len();
         self.work.fill(0.0);
-        let columns = self.whitened.as_slice().chunks_exact(nv).enumerate();
+        let columns = self.whitened.chunks_exact(nv).enumerate();
         for ((index, column), &entry) in columns.clone().zip(x) {
             axpy(entry, self.spans.cut(index, column), self.spans.cut_mut(index, self.work));
         }
@@ -97,12 +101,12 @@ impl Problem<'_> {
             return;
         }
         if *self.formed {
-            gemm(n, n, self.dense.as_slice(), x, y);
+            gemm(n, n, self.dense, x, y);
             return;
         }
         scratch.resize(nv * columns, 0.0);
-        gemm(nv, n, self.whitened.as_slice(), x, scratch);
-        gemm_tr(n, nv, self.whitened.as_slice(), scratch, y);
+        gemm(nv, n, self.whitened, x, scratch);
+        gemm_tr(n, nv, self.whitened, scratch, y);
         if let Some(softness) = self.softness {
             for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
                 for ((entry, softness), x) in y.iter_mut().zip(softness).zip(x) {
@@ -112,16 +116,17 @@ impl Problem<'_> {
         }
     }
 
-    /// A, `n×n`; formed at the first call of a step.
-    pub fn matrix(&mut self) -> &DMatrix<f64> {
+    /// A, `n×n`, symmetric: column-major as well as row-major; formed at the first call of a step.
+    pub fn matrix(&mut self) -> &[f64] {
         if !*self.formed {
             match self.envelope {
                 Some(first) => self.fill(first),
-                None => gram(self.work.len(), self.whitened.as_slice(), self.dense.as_mut_slice()),
+                None => gram(self.work.len(), self.whitened, self.dense),
             }
             if let Some(softness) = self.softness {
+                let n = self.rhs.len();
                 for (i, value) in softness.iter().enumerate() {
-                    self.dense[(i, i)] += value;
+                    self.dense[i * n + i] += value;
                 }
             }
             *self.formed = true;
@@ -132,7 +137,7 @@ impl Problem<'_> {
     /// `WᵀW` within its envelope; the rest of A is zero.
     fn fill(&mut self, first: &[usize]) {
         let (n, nv) = (first.len(), self.work.len());
-        let (w, a) = (self.whitened.as_slice(), self.dense.as_mut_slice());
+        let (w, a) = (self.whitened, &mut *self.dense);
         for (row, &start) in first.iter().enumerate() {
             let (begin, end) = self.spans.of(row);
             for col in start..=row {
@@ -150,9 +155,9 @@ impl Problem<'_> {
     #[must_use]
     pub fn trace(&self) -> f64 {
         if *self.formed {
-            return self.dense.trace();
+            return self.dense.iter().step_by(self.len() + 1).fold(0.0, |sum, entry| sum + entry);
         }
         let softness = self.softness.map_or(0.0, |softness| softness.iter().sum());
-        dot(self.whitened.as_slice(), self.whitened.as_slice()) + softness
+        dot(self.whitened, self.whitened) + softness
     }
 }

@@ -7,13 +7,13 @@ use std::mem;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::error::{Error, LARGEST, check_finite, check_len, check_size};
-use crate::fold::{Fold, scaled_copy};
 use crate::info::Info;
-use crate::kernels::{axpy, dot, norm};
+use crate::linalg::kernels::{axpy, dot, norm};
+use crate::linalg::spans::{Envelope, Spans};
+use crate::problem::fold::{Fold, scaled_copy};
+use crate::problem::step::{FactoredStep, StepView, Whiten};
 use crate::problem::{Needs, Problem, Wanted};
-use crate::solver::MultiplierSolver;
-use crate::spans::{Envelope, Spans};
-use crate::step::{FactoredStep, StepView, Whiten};
+use crate::solvers::solver::MultiplierSolver;
 
 /// Symmetry asked of a dense A that a caller hands over, relative to its largest entry. `A = J M⁻¹ Jᵀ` formed in
 /// floating point by any sensible route is symmetric to a few rounding errors; 1e-10 leaves room for large sums and
@@ -87,14 +87,14 @@ impl ConstrainedSystem {
 
     /// b, `n`, before folding.
     #[must_use]
-    pub const fn rhs(&self) -> &DVector<f64> {
-        &self.rhs
+    pub fn rhs(&self) -> &[f64] {
+        self.rhs.as_slice()
     }
 
     /// a₀ = M⁻¹ f, `nv`.
     #[must_use]
-    pub const fn unconstrained(&self) -> &DVector<f64> {
-        &self.unconstrained
+    pub fn unconstrained(&self) -> &[f64] {
+        self.unconstrained.as_slice()
     }
 
     /// How the rows were folded.
@@ -109,15 +109,20 @@ impl ConstrainedSystem {
         self.refolds
     }
 
-    /// A, `n×n`, before folding. Computed for the occasion: for inspection, not for a step loop.
+    /// A, `n×n`, before folding; symmetric, so that it is row-major as well as column-major. Computed for the occasion: for
+    /// inspection, not for a step loop.
     #[must_use]
-    pub fn full_matrix(&self) -> DMatrix<f64> {
-        if self.nv() == 0 {
-            return self.given.clone();
-        }
-        if self.mass_factor.is_empty() {
-            return self.unfolded_matrix();
-        }
+    pub fn full_matrix(&self) -> Vec<f64> {
+        let matrix = match self.nv() {
+            0 => return self.given.as_slice().to_vec(),
+            _ if self.mass_factor.is_empty() => self.unfolded_matrix(),
+            _ => self.product_matrix(),
+        };
+        matrix.data.into()
+    }
+
+    /// J M⁻¹ Jᵀ (+ R).
+    fn product_matrix(&self) -> DMatrix<f64> {
         let mut whitened = self.jacobian_t.clone();
         self.mass_factor.solve_lower_triangular_mut(&mut whitened);
         let mut matrix = whitened.tr_mul(&whitened);
@@ -143,6 +148,7 @@ impl ConstrainedSystem {
     }
 
     /// Makes a solver that needs A itself form it once more, as on a fresh step: for timing.
+    #[cfg(feature = "bench")]
     pub(crate) fn forget_matrix(&mut self) {
         self.formed = self.nv() == 0;
     }
@@ -157,13 +163,13 @@ impl ConstrainedSystem {
     fn problem(&mut self, wanted: Wanted) -> Problem<'_> {
         Problem {
             wanted,
-            whitened: &self.whitened,
+            whitened: self.whitened.as_slice(),
             spans: &self.whitened_spans,
             envelope: self.envelope.narrow(),
             softness: self.softness.as_deref(),
-            dense: &mut self.dense,
+            dense: self.dense.as_mut_slice(),
             formed: &mut self.formed,
-            rhs: &self.reduced_rhs,
+            rhs: self.reduced_rhs.as_slice(),
             work: self.work.as_mut_slice(),
         }
     }

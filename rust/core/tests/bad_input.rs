@@ -2,11 +2,11 @@
 
 mod support;
 
-use oarlock_core::solver::SolverKind;
+use oarlock_core::registry::SolverKind;
 use oarlock_core::{
     ConstrainedSystem, Error, Info, MultiplierSolver, Options, SOLVERS, State, Status, StepView, Wanted,
 };
-use support::{ROUNDING, assert_within, diagonal, rows, solve};
+use support::{ROUNDING, assert_within, diagonal, matrix_of, rhs_of, rows, solve};
 
 fn make(kind: &SolverKind) -> Box<dyn MultiplierSolver> {
     (kind.build)(&Options::new()).expect(kind.name)
@@ -259,7 +259,7 @@ fn a_rank_that_rises_where_b_does_not_see_it_is_noticed() {
             };
             system.assemble(&step).expect("good");
             let (x, info) = solve(&mut *solver, &mut system);
-            let miss = (system.full_matrix() * x - system.rhs()).norm();
+            let miss = (matrix_of(&system) * x - rhs_of(&system)).norm();
             assert_within(&format!("{} with {soft}: {info:?}", kind.name), miss, 1e-6); // eps_abs
         }
     }
@@ -300,7 +300,7 @@ fn the_residual_of_minres_is_that_of_its_x() {
     ];
     let mut system = rows(matrix, b);
     let (x, info) = solve(&mut *minres, &mut system);
-    let residual = (system.full_matrix() * x - system.rhs()).norm() / system.rhs().norm();
+    let residual = (matrix_of(&system) * x - rhs_of(&system)).norm() / rhs_of(&system).norm();
     assert_within(&format!("{info:?}, {residual:e}"), (info.residual_rel - residual).abs(), ROUNDING);
 }
 

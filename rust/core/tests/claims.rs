@@ -10,6 +10,7 @@ mod support;
 use faer::linalg::solvers::Svd;
 use faer::{Mat, Side};
 use nalgebra::{DMatrix, DVector};
+use oarlock_core::solvers::Solver;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use support::change::{Change, PARAMS, Solved, any_changes, either_sign, semidefinite_changes};

@@ -5,11 +5,12 @@ mod support;
 
 use faer::{Mat, Side};
 use nalgebra::{DMatrix, DVector};
-use oarlock_core::sr1::Sr1Params;
+use oarlock_core::solvers::Solver;
+use oarlock_core::solvers::sr1::Sr1Params;
 use oarlock_core::test_problems::{RANK, ROWS, boat};
 use oarlock_core::{ConstrainedSystem, MultiplierSolver, Status};
 use support::trace::{Pass, Traced};
-use support::{assert_within, solve, solver};
+use support::{assert_within, matrix_of, solve, solver};
 
 /// The defaults, written out: the figures are theirs.
 const PARAMS: Sr1Params = Sr1Params { eps_abs: 1e-6, guard: 1e-6, max_iterations: 50, rank_cut: 1e-10 };
@@ -54,11 +55,11 @@ fn eigen(matrix: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
 fn the_change_of_a_step_has_two_signs_and_leaves_the_range() {
     let mut system = ConstrainedSystem::new();
     assemble(&mut system, FIRST);
-    let mut before = system.full_matrix();
+    let mut before = matrix_of(&system);
     let (mut least, mut size, mut outside) = (1.0_f64, 0.0_f64, 0.0_f64);
     for k in FIRST + 1..STEPS {
         assemble(&mut system, k);
-        let now = system.full_matrix();
+        let now = matrix_of(&system);
         let change = &now - &before;
         let (values, vectors) = eigen(&before);
         let range = vectors.columns(ROWS - RANK, RANK);
@@ -88,7 +89,7 @@ fn the_denominators_get_small_and_the_inverse_indefinite() {
         assemble(&mut system, k);
         let (_, info) = solve(&mut sr1, &mut system);
         assert_eq!((info.status, info.refreshed, info.fallbacks), (Status::Converged, false, 0), "step {k}");
-        let (matrix, solution) = (system.full_matrix(), solve(&mut *pinv, &mut system).0);
+        let (matrix, solution) = (matrix_of(&system), solve(&mut *pinv, &mut system).0);
         // x* is not unique, A x* is: the distance is measured in the norm of A.
         let distance = |pass: &Pass| {
             let away = &pass.x - &solution;

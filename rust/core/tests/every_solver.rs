@@ -4,11 +4,13 @@
 mod support;
 
 use nalgebra::{DMatrix, DVector};
-use oarlock_core::solver::SolverKind;
+use oarlock_core::registry::SolverKind;
 use oarlock_core::test_problems::{NV, ROWS, boat};
 use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS, StepView};
 use proptest::prelude::*;
-use support::{assert_within, config, dense, diagonal, rows, solve, solver, unfolded_systems};
+use support::{
+    assert_within, config, dense, diagonal, matrix_of, rhs_of, rows, solve, solver, unfolded_systems,
+};
 
 /// Residual that every solver reaches by default on well-conditioned systems with b of order one: `eps_abs` of the
 /// quasi-Newton solvers.
@@ -70,7 +72,7 @@ fn ugly_systems_give_finite_numbers_and_do_no_lasting_harm() {
             }
             for round in 0..2 {
                 let (x, info) = solve(&mut *solver, &mut good);
-                let gap = (good.full_matrix() * x - good.rhs()).norm();
+                let gap = (matrix_of(&good) * x - rhs_of(&good)).norm();
                 assert_within(&format!("{} after {name}, {round}: {info:?}", kind.name), gap, SOLVED_BY_ALL);
             }
         }

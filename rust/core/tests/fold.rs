@@ -3,14 +3,14 @@
 mod support;
 
 use nalgebra::DVector;
-use oarlock_core::fold::{FOLD_TOLERANCE, Fold};
+use oarlock_core::problem::{FOLD_TOLERANCE, Fold};
 use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, StepView};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
 use support::{
-    MOVED, Mechanism, ROUNDING, SOLVED, assert_within, config, dense, mechanisms, numbers, psd_systems, rows,
-    scales, solve, solver,
+    MOVED, Mechanism, ROUNDING, SOLVED, assert_within, config, dense, matrix_of, mechanisms, numbers,
+    psd_systems, rhs_of, rows, scales, solve, solver,
 };
 
 /// A factor between proportional rows: either sign, and not so small that the copy counts as zero.
@@ -199,8 +199,8 @@ proptest! {
         let hard = solve_step(&mut *pinv, &mut system, &mechanism.view());
         let (x, _, info) = solve_step(&mut *pinv, &mut system, &soft);
         prop_assert!(info.folded == 0 && !info.refolded && system.fold().is_identity(), "{:?}", info);
-        let gap = (system.full_matrix() * x - system.rhs()).norm();
-        assert_within("(A + R) x = b", gap, MOVED * spread(&mechanism) * system.rhs().norm());
+        let gap = (matrix_of(&system) * x - rhs_of(&system)).norm();
+        assert_within("(A + R) x = b", gap, MOVED * spread(&mechanism) * rhs_of(&system).norm());
         let again = solve_step(&mut *pinv, &mut system, &mechanism.view());
         prop_assert_eq!(hard, again);
         prop_assert_eq!(system.refolds(), 0);

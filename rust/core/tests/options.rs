@@ -5,14 +5,14 @@ mod support;
 use std::collections::BTreeSet;
 use std::marker::PhantomData;
 
-use oarlock_core::krylov::KrylovParams;
-use oarlock_core::minres::Minres;
 use oarlock_core::params::Params;
-use oarlock_core::pinv::PinvParams;
-use oarlock_core::quasi_newton::{Bfgs, QuasiNewtonParams};
-use oarlock_core::regularised::RegularisedParams;
-use oarlock_core::solver::find_solver;
-use oarlock_core::sr1::Sr1Params;
+use oarlock_core::registry::find_solver;
+use oarlock_core::solvers::krylov::KrylovParams;
+use oarlock_core::solvers::minres::Minres;
+use oarlock_core::solvers::pinv::PinvParams;
+use oarlock_core::solvers::quasi_newton::{Bfgs, QuasiNewtonParams};
+use oarlock_core::solvers::regularised::RegularisedParams;
+use oarlock_core::solvers::sr1::Sr1Params;
 use oarlock_core::{Options, SOLVERS, make_solver};
 use support::{assert_within, diagonal, solve};
 

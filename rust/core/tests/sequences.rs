@@ -6,7 +6,8 @@ use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread;
 
-use oarlock_core::test_problems::sequence::{Random, Sequence};
+use nalgebra::{DMatrix, DVector};
+use oarlock_core::test_problems::sequence::{Random, Sequence, SequenceStep};
 use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS, Status, Wanted, make_solver};
 
 /// Sequences; without optimisation the oracle takes a hundred times as long.
@@ -43,12 +44,18 @@ fn solver(name: &str) -> Box<dyn MultiplierSolver> {
     make_solver(name, &Options::new()).expect(name)
 }
 
+/// J.
+fn factor_of(now: &SequenceStep) -> DMatrix<f64> {
+    DMatrix::from_column_slice(now.rhs.len(), now.rank(), &now.factor)
+}
+
 /// ‖x − A⁺b‖ over ‖A⁺b‖.
-fn relative_error(x: &[f64], factor: &nalgebra::DMatrix<f64>, rhs: &[f64]) -> f64 {
-    let right = oracle::minimum_norm(factor, rhs);
+fn relative_error(x: &[f64], now: &SequenceStep) -> f64 {
+    let factor = factor_of(now);
+    let right = oracle::minimum_norm(&factor, &now.rhs);
     let difference: Vec<f64> = x.iter().zip(&right).map(|(x, right)| x - right).collect();
-    let smallest = factor.clone().svd(false, false).singular_values.min();
-    let natural = norm(rhs) / (smallest * smallest);
+    let smallest = factor.svd(false, false).singular_values.min();
+    let natural = norm(&now.rhs) / (smallest * smallest);
     let size = norm(&right);
     let scale = if size > NOTHING * natural { size } else { natural };
     // 0/0 for b = 0, which x = 0 solves.
@@ -74,7 +81,7 @@ fn follow(name: &'static str, seed: u64, failures: &mut Vec<Failure>) -> f64 {
     for step in 0..sequence.steps {
         let now = sequence.step(step);
         let mut x = vec![f64::NAN; now.rhs.len()];
-        if let Err(error) = system.set_dense(now.matrix().as_slice(), &now.rhs) {
+        if let Err(error) = system.set_dense(&now.matrix(), &now.rhs) {
             fail(f64::INFINITY, step, &format!("set_dense: {error}"));
             return worst;
         }
@@ -85,7 +92,7 @@ fn follow(name: &'static str, seed: u64, failures: &mut Vec<Failure>) -> f64 {
                 fail(f64::NAN, step, &format!("status {}", info.status.name()));
             }
             Ok(info) if exact && (step == looked_at || step + 1 == sequence.steps) => {
-                let error = relative_error(&x, &now.factor, &now.rhs);
+                let error = relative_error(&x, &now);
                 worst = worst.max(error);
                 if error.is_nan() || error > MINIMUM_NORM {
                     let (residual, rank, fresh) = (info.residual_rel, info.rank, info.refreshed);
@@ -194,7 +201,9 @@ fn oracle_has_its_digits() {
     assert!(rest.value().abs() < 1e30 * 1e-60, "{:e}", rest.value());
     // Jᵀx = (JᵀJ)⁻¹ Jᵀb, so J JᵀJ Jᵀ x = J Jᵀ b.
     let now = Sequence::new(3).step(0);
-    let x = nalgebra::DVector::from_vec(oracle::minimum_norm(&now.factor, &now.rhs));
-    let normal = now.factor.tr_mul(&(now.matrix() * &x - nalgebra::DVector::from_column_slice(&now.rhs)));
-    assert!(normal.norm() < 1e-12 * now.factor.norm() * norm(&now.rhs), "{normal}");
+    let factor = factor_of(&now);
+    let x = DVector::from_vec(oracle::minimum_norm(&factor, &now.rhs));
+    let matrix = DMatrix::from_vec(now.rhs.len(), now.rhs.len(), now.matrix());
+    let normal = factor.tr_mul(&(matrix * &x - DVector::from_column_slice(&now.rhs)));
+    assert!(normal.norm() < 1e-12 * factor.norm() * norm(&now.rhs), "{normal}");
 }

@@ -6,7 +6,8 @@ mod support;
 
 use nalgebra::DMatrix;
 use oarlock_core::Status;
-use oarlock_core::sr1::Sr1;
+use oarlock_core::solvers::Solver;
+use oarlock_core::solvers::sr1::Sr1;
 use proptest::prelude::*;
 use support::change::{Change, PARAMS, either_sign, semidefinite_changes};
 use support::{SOLVED, assert_within, config, dense, solve, unfolded_systems};

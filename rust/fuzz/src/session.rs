@@ -1,7 +1,7 @@
 //! One solver through one script, and what must hold at every step of it.
 
-use nalgebra::DVector;
-use oarlock_core::solver::SolverKind;
+use nalgebra::{DMatrix, DVector};
+use oarlock_core::registry::SolverKind;
 use oarlock_core::{ConstrainedSystem, Error, Info, MultiplierSolver, Options, State, Wanted};
 
 use crate::expected::{of_dense, of_step, tame, tame_input, view};
@@ -168,6 +168,13 @@ impl Session {
         }
     }
 
+    /// A and b, before folding.
+    fn given(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let n = self.system.len();
+        let matrix = DMatrix::from_vec(n, n, self.system.full_matrix());
+        (matrix, DVector::from_column_slice(self.system.rhs()))
+    }
+
     fn check(&mut self, input: &Input, info: &Info, x: &[f64], told: &dyn Fn() -> String) {
         let n = self.system.len();
         let figures = [Some(info.residual_rel), info.inconsistency, info.null_residual];
@@ -178,12 +185,12 @@ impl Session {
             && self.limit.is_none_or(|limit| info.iterations as f64 <= limit);
         assert!(sane, "{}", told());
 
-        let (matrix, rhs) = (self.system.full_matrix(), self.system.rhs());
+        let (matrix, rhs) = self.given();
         let entries = matrix.iter().chain(rhs.iter()).chain(x);
         // A rank cut that is asked for may drop what is not small, and pivots, unlike eigenvalues, do not part b then.
         if tame(entries) && tame_input(input) && (self.by_default || info.inconsistency.is_none()) {
             let x = DVector::from_column_slice(x);
-            let miss = (&matrix * &x - rhs).norm();
+            let miss = (&matrix * &x - &rhs).norm();
             let mut reduced = vec![0.0; self.system.fold().reduced()];
             let outside = self.system.fold().reduce(rhs.as_slice(), &mut reduced);
             let reported = (info.residual_rel * rhs.norm()).hypot(info.inconsistency.unwrap_or(outside));
@@ -213,8 +220,8 @@ impl Session {
             let (got, x) = answer(&mut self.system, &mut *self.solver, Wanted::Multipliers);
             // A state that was tampered with and is still whole is believed: sr1-tracked need not find out.
             if self.by_default && !self.tampered {
-                let miss =
-                    (self.system.full_matrix() * DVector::from_column_slice(&x) - self.system.rhs()).norm();
+                let (matrix, rhs) = self.given();
+                let miss = (matrix * DVector::from_column_slice(&x) - rhs).norm();
                 assert!(got.is_ok() && miss <= SOLVED, "{}: {got:?} {x:?}, {miss:e} off", self.kind.name);
             }
         }

@@ -1,9 +1,8 @@
 //! The drive: actuator controls as laws of time, written at the time of every stage of the integrator.
 
-use oarlock_core::TimeLaw;
-
 use crate::error::Error;
 use crate::library::{Controls, Data};
+use crate::time_law::TimeLaw;
 
 /// Laws of some of the actuators.
 #[derive(Debug, Clone, Default)]

@@ -24,6 +24,14 @@ pub enum Error {
         /// data.time, s.
         time: f64,
     },
+    /// A law of time does not parse or names an unknown variable.
+    #[error("time law '{law}': {reason}")]
+    TimeLaw {
+        /// Source text of the law.
+        law: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// A law of the drive has no finite value.
     #[error("law {law} is {value} at t = {time} s, expected a finite control")]
     Control {

@@ -5,7 +5,7 @@
 //! | module | noun |
 //! |---|---|
 //! | [`library`] | the C library that `import mujoco` loaded, as safe types: [`Model`](library::Model), [`Data`](library::Data); all unsafe code |
-//! | [`drive`] | controls as laws of time |
+//! | [`drive`], [`time_law`] | controls as laws of time |
 //! | [`kinematics`], [`tendon`], [`curvature`] | J̇v of every kind of equality |
 //! | [`inertia`] | rows of J through MuJoCo's sparse factor of M, and the way back to accelerations |
 //! | [`state`] | what one state says, and the question that it puts to a solver of `oarlock-core` |
@@ -49,7 +49,9 @@ pub mod run;
 pub mod state;
 pub mod steps;
 pub mod tendon;
+pub mod time_law;
 pub mod vectors;
 pub mod walker;
 
 pub use error::Error;
+pub use time_law::TimeLaw;

@@ -100,14 +100,14 @@ impl ConstrainedSystem {
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let n = self.inner.len();
-        let flat = self.inner.full_matrix().as_slice().to_vec(); // symmetric: column-major is row-major
+        let flat = self.inner.full_matrix(); // symmetric: column-major is row-major
         flat.into_pyarray(py).reshape([n, n])
     }
 
     /// b, n, before folding.
     #[getter]
     fn rhs<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.inner.rhs().as_slice())
+        PyArray1::from_slice(py, self.inner.rhs())
     }
 
     /// From λ (n) to (qacc, qfrc), both nv: a₀ + M⁻¹ Jᵀ λ and Jᵀ λ.

@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use oarlock_core as core;
+use oarlock_mujoco as native;
 use pyo3::prelude::*;
 
-use crate::convert::input_error;
+use crate::convert::InputError;
 
 /// A scalar law of time, parsed once: arithmetic, functions, PI, the time t and named constants.
 #[pyclass(module = "oarlock._core")]
 pub struct TimeLaw {
-    pub inner: core::TimeLaw,
+    pub inner: native::TimeLaw,
 }
 
 #[pymethods]
@@ -19,7 +19,8 @@ impl TimeLaw {
     #[pyo3(signature = (source, constants=BTreeMap::new()))]
     #[allow(clippy::needless_pass_by_value)]
     fn new(source: &str, constants: BTreeMap<String, f64>) -> PyResult<Self> {
-        let inner = core::TimeLaw::parse(source, &constants).map_err(input_error)?;
+        let inner = native::TimeLaw::parse(source, &constants)
+            .map_err(|error| InputError::new_err(error.to_string()))?;
         Ok(Self { inner })
     }
 

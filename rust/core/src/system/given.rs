@@ -5,8 +5,8 @@ use std::mem;
 use nalgebra::{Cholesky, DMatrix};
 
 use super::{ConstrainedSystem, SYMMETRY_TOLERANCE};
-use crate::eigen::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
 use crate::error::{Error, check_len, check_size};
+use crate::solvers::eigen::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
 
 impl ConstrainedSystem {
     /// Takes A (`n×n`, row-major, symmetric) and b (`n`) as they are; there is no way back to accelerations then.
@@ -95,7 +95,7 @@ impl ConstrainedSystem {
         }
         let mut scaled = DMatrix::zeros(n, n);
         fill(&mut scaled, 0.0);
-        SymmetricEigen::new(n).decompose(&scaled, 0.0).map_err(|error| match error {
+        SymmetricEigen::new(n).decompose(scaled.as_slice(), 0.0).map_err(|error| match error {
             Error::NotPositiveSemidefinite { smallest, largest: most } => {
                 Error::NotPositiveSemidefinite { smallest: smallest * largest, largest: most * largest }
             }

@@ -17,7 +17,7 @@
 //! opens. The acceleration of the branch then needs forces that grow as 1/cos θ: without these rows it is another one.
 //! (Library of Computational Benchmark Problems of `IFToMM`, problem A02.)
 
-use crate::step::StepView;
+use crate::problem::step::StepView;
 
 /// Gravity, m/s², along −y.
 pub const GRAVITY: f64 = 9.81;

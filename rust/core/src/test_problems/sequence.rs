@@ -62,19 +62,26 @@ struct Turn {
 /// One step of a [`Sequence`].
 #[derive(Debug, Clone)]
 pub struct SequenceStep {
-    /// J, `n×r`, of full column rank.
-    pub factor: DMatrix<f64>,
+    /// J, `n×r`, column-major, of full column rank.
+    pub factor: Vec<f64>,
     /// b, `n`.
     pub rhs: Vec<f64>,
 }
 
 impl SequenceStep {
+    /// r.
+    #[must_use]
+    pub const fn rank(&self) -> usize {
+        self.factor.len() / self.rhs.len()
+    }
+
     /// A = J Jᵀ, `n×n`, rounded, exactly symmetric.
     #[must_use]
-    pub fn matrix(&self) -> DMatrix<f64> {
-        let mut product = &self.factor * self.factor.transpose();
+    pub fn matrix(&self) -> Vec<f64> {
+        let factor = DMatrix::from_column_slice(self.rhs.len(), self.rank(), &self.factor);
+        let mut product = &factor * factor.transpose();
         product.fill_upper_triangle_with_lower_triangle();
-        product
+        product.data.into()
     }
 }
 
@@ -211,7 +218,7 @@ impl Sequence {
         } else {
             entries
         };
-        SequenceStep { factor, rhs }
+        SequenceStep { factor: factor.data.into(), rhs }
     }
 }
 
@@ -235,6 +242,7 @@ mod tests {
             let mut last: Option<DMatrix<f64>> = None;
             for step in 0..sequence.steps {
                 let SequenceStep { factor, rhs } = sequence.step(step);
+                let factor = DMatrix::from_vec(rhs.len(), factor.len() / rhs.len(), factor);
                 assert_eq!((factor.nrows(), factor.ncols()), (sequence.size(), sequence.rank(step)));
                 assert!((2..=60).contains(&rhs.len()) && 2 * sequence.base.ncols() >= rhs.len());
                 let singular = factor.clone().svd(false, false).singular_values;

@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
-use oarlock_core::sr1::Sr1Params;
+use oarlock_core::solvers::Solver;
+use oarlock_core::solvers::sr1::Sr1Params;
 use oarlock_core::{Info, Status};
 use proptest::collection::vec;
 use proptest::prelude::*;

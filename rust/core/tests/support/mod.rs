@@ -9,7 +9,7 @@ pub mod trace;
 use std::iter::repeat_n;
 
 use nalgebra::{DMatrix, DVector};
-use oarlock_core::fold::Fold;
+use oarlock_core::problem::Fold;
 use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, Options, StepView, Wanted, make_solver};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -92,6 +92,18 @@ pub fn rows<const N: usize>(matrix: [[f64; N]; N], rhs: [f64; N]) -> Constrained
 pub fn diagonal(entries: &[f64]) -> ConstrainedSystem {
     let ones = DVector::from_element(entries.len(), 1.0);
     dense(&DMatrix::from_diagonal(&DVector::from_column_slice(entries)), &ones)
+}
+
+/// A of a system, before folding.
+#[must_use]
+pub fn matrix_of(system: &ConstrainedSystem) -> DMatrix<f64> {
+    DMatrix::from_vec(system.len(), system.len(), system.full_matrix())
+}
+
+/// b of a system, before folding.
+#[must_use]
+pub fn rhs_of(system: &ConstrainedSystem) -> DVector<f64> {
+    DVector::from_column_slice(system.rhs())
 }
 
 /// A PSD system with what is known about it by construction.

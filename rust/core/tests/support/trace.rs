@@ -1,8 +1,9 @@
 //! Algorithm (11) from within: a copy of every pass of a solve.
 
 use nalgebra::{DMatrix, DVector};
-use oarlock_core::sr1::{Iteration, Sr1, Sr1Params};
-use oarlock_core::{Error, Info, MultiplierSolver, Needs, Problem};
+use oarlock_core::solvers::Solver;
+use oarlock_core::solvers::sr1::{Iteration, Sr1, Sr1Params};
+use oarlock_core::{Error, Info, Needs, Problem};
 
 /// What pass k left: see [`Iteration`].
 #[derive(Debug, Clone)]
@@ -57,20 +58,14 @@ pub struct Traced {
     pub passes: Vec<Pass>,
 }
 
-impl Traced {
+impl Solver for Traced {
+    type Params = Sr1Params;
+    const SUMMARY: &'static str = Sr1::SUMMARY;
+    const NEEDS: Needs = Sr1::NEEDS;
+
     /// Before its first solve.
-    pub fn new(params: Sr1Params) -> Self {
+    fn new(params: Sr1Params) -> Self {
         Self { solver: Sr1::new(params), passes: Vec::new() }
-    }
-}
-
-impl MultiplierSolver for Traced {
-    fn name(&self) -> &'static str {
-        self.solver.name()
-    }
-
-    fn needs(&self) -> Needs {
-        self.solver.needs()
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
@@ -81,9 +76,5 @@ impl MultiplierSolver for Traced {
 
     fn reset(&mut self) {
         self.solver.reset();
-    }
-
-    fn clone_box(&self) -> Box<dyn MultiplierSolver> {
-        Box::new(self.clone())
     }
 }

@@ -1,0 +1,5 @@
+//! Linear algebra on flat slices: products of small matrices, narrow symmetric factors, and where sparse rows lie.
+
+pub(crate) mod kernels;
+pub(crate) mod skyline;
+pub(crate) mod spans;

@@ -1,0 +1,213 @@
+//! [`cholesky`](crate::solvers::cholesky) for a size known at compile time: the same method on the stack, as L D Lᵀ.
+//!
+//! Whole columns are updated, upper triangle and all: with a fixed length that is one or two vector instructions, cheaper
+//! than the bounds of a triangle. Everything is inlined into one function. Vectors wider than every processor has do not pay:
+//! columns of six fill them badly, and the whole takes a tenth longer.
+
+#![allow(clippy::inline_always, clippy::needless_range_loop)] // see above; loops of a fixed length over several arrays
+
+use super::found::Found;
+use crate::problem::Wanted;
+
+/// A pivot in the order of the last step is good enough when it is this part of the first one: searching and swapping cost
+/// more than arithmetic here. Rank is decided among the smaller ones, which are searched for.
+const GOOD_PIVOT: f64 = 0.02;
+
+type Square<const N: usize> = [[f64; N]; N];
+
+/// A⁺ b (or, for accelerations, a basic solution) of the N×N matrix `a`, column-major, into `x`; the part of b that no x can
+/// reach into `outside`. `order` is the order of the pivots, to begin with that of the last step.
+#[inline(always)]
+pub(super) fn solve<const N: usize>(
+    rank_cut: f64,
+    order: &mut [usize],
+    a: &[f64],
+    rhs: &[f64],
+    wanted: Wanted,
+    x: &mut [f64],
+    outside: &mut [f64],
+) -> Found {
+    let (a, rhs, x, outside) = (&a[..N * N], &rhs[..N], &mut x[..N], &mut outside[..N]);
+    let mut pivots: [usize; N] = std::array::from_fn(|i| order[i].min(N - 1));
+    let mut columns: Square<N> =
+        std::array::from_fn(|col| std::array::from_fn(|row| a[pivots[col] * N + pivots[row]]));
+    let (mut rows, mut inverses) = ([[0.0; N]; N], [0.0; N]);
+    // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
+    let rank_cut = rank_cut.max(N as f64 * f64::EPSILON);
+    let found = factorise(rank_cut, &mut columns, &mut rows, &mut pivots, &mut inverses);
+    order.copy_from_slice(&pivots);
+    let rank = found.rank;
+
+    let mut permuted: [f64; N] = std::array::from_fn(|i| rhs[pivots[i]]);
+    let null = Null::new(rank, &rows);
+    null.project(&mut permuted);
+    for (&entry, &pivot) in permuted.iter().zip(&pivots) {
+        outside[pivot] = rhs[pivot] - entry;
+    }
+    for col in 0..N {
+        // Columns from the rank on hold what is left over.
+        if col < rank {
+            subtract(permuted[col], &columns[col], &mut permuted);
+        }
+    }
+    for (entry, inverse) in permuted.iter_mut().zip(&inverses) {
+        *entry *= inverse;
+    }
+    backward(rank, &rows, &mut permuted);
+    if wanted == Wanted::Multipliers {
+        null.project(&mut permuted);
+    }
+    for (&entry, &pivot) in permuted.iter().zip(&pivots) {
+        x[pivot] = entry;
+    }
+    found
+}
+
+/// to −= factor · from.
+#[inline(always)]
+fn subtract<const N: usize>(factor: f64, from: &[f64; N], to: &mut [f64; N]) {
+    for (to, from) in to.iter_mut().zip(from) {
+        *to -= factor * from;
+    }
+}
+
+/// x · y, in two sums that need not wait for one another.
+#[inline(always)]
+fn dot<const N: usize>(x: &[f64; N], y: &[f64; N]) -> f64 {
+    let mut sums = [0.0; 2];
+    for i in 0..N {
+        sums[i % 2] += x[i] * y[i];
+    }
+    sums[0] + sums[1]
+}
+
+/// Pᵀ A P = L D Lᵀ: L without its unit diagonal, zero everywhere else, by columns in `a` and by rows in `rows`, and 1/D in
+/// `inverses`, which is 0 beyond the rank.
+#[inline(always)]
+fn factorise<const N: usize>(
+    rank_cut: f64,
+    a: &mut Square<N>,
+    rows: &mut Square<N>,
+    pivots: &mut [usize; N],
+    inverses: &mut [f64; N],
+) -> Found {
+    let mut found = Found::full(N, 0.0);
+    found.first = (0..N).fold(f64::NEG_INFINITY, |first, i| first.max(a[i][i]));
+    for col in 0..N {
+        let mut pivot = a[col][col];
+        if pivot.is_nan() || pivot < GOOD_PIVOT * found.first || pivot <= f64::MIN_POSITIVE {
+            let best = (col..N).fold(col, |best, i| if a[i][i] > a[best][best] { i } else { best });
+            pivot = a[best][best];
+            if pivot <= rank_cut * found.first || pivot <= f64::MIN_POSITIVE {
+                found.rank = col;
+                found.dropped = pivot.max(0.0);
+                found.lowest = (col..N).map(|i| a[i][i]).fold(f64::INFINITY, f64::min);
+                break;
+            }
+            a.swap(col, best);
+            for column in a.iter_mut() {
+                column.swap(col, best);
+            }
+            rows.swap(col, best);
+            pivots.swap(col, best);
+        }
+        let inverse = pivot.recip();
+        inverses[col] = inverse;
+        let mut scaled = a[col].map(|entry| entry * inverse);
+        scaled[..=col].fill(0.0);
+        for target in col + 1..N {
+            rows[target][col] = scaled[target];
+            subtract(a[target][col], &scaled, &mut a[target]);
+        }
+        a[col] = scaled;
+    }
+    found.last = inverses.iter().fold(0.0_f64, |most, &inverse| most.max(inverse)).recip();
+    found
+}
+
+/// L₁ᵀ z = z for the unit triangle of the first `rank` rows, of which the last comes first: nothing waits for a sum.
+#[inline(always)]
+fn backward<const N: usize>(rank: usize, rows: &Square<N>, z: &mut [f64; N]) {
+    for row in (0..N).rev() {
+        if row < rank {
+            subtract(z[row], &rows[row], z);
+        }
+    }
+}
+
+/// Z = (−K; E) and the factor of `E + KᵀK`. Columns are counted from the rank on, as the rows of E.
+struct Null<const N: usize> {
+    rank: usize,
+    /// Columns of K, zero in the rows of E.
+    kernel: Square<N>,
+    /// Unit factor of `E + KᵀK` below the diagonal, the inverse of D on it.
+    gram: Square<N>,
+}
+
+impl<const N: usize> Null<N> {
+    #[inline(always)]
+    fn new(rank: usize, rows: &Square<N>) -> Self {
+        let kernel: Square<N> = std::array::from_fn(|k| {
+            let mut column = [0.0; N];
+            if k >= rank {
+                column = rows[k];
+                backward(rank, rows, &mut column);
+            }
+            column
+        });
+        let mut gram: Square<N> = std::array::from_fn(|col| {
+            std::array::from_fn(|row| {
+                let wanted = col >= rank && row >= col;
+                if wanted { f64::from(u8::from(row == col)) + dot(&kernel[row], &kernel[col]) } else { 0.0 }
+            })
+        });
+        for col in 0..N {
+            if col < rank {
+                continue;
+            }
+            let inverse = gram[col][col].recip();
+            gram[col][col] = inverse;
+            for target in col + 1..N {
+                let entry = gram[col][target] * inverse;
+                for row in target..N {
+                    gram[target][row] -= entry * gram[col][row];
+                }
+            }
+            gram[col][col + 1..].iter_mut().for_each(|entry| *entry *= inverse);
+        }
+        Self { rank, kernel, gram }
+    }
+
+    /// v ← Π v.
+    #[inline(always)]
+    fn project(&self, v: &mut [f64; N]) {
+        let Self { rank, kernel, gram } = self;
+        let mut part = [0.0; N];
+        for k in 0..N {
+            if k >= *rank {
+                part[k] = v[k] - dot(&kernel[k], v);
+            }
+        }
+        for col in 0..N {
+            if col >= *rank {
+                for row in col + 1..N {
+                    part[row] -= part[col] * gram[col][row];
+                }
+            }
+        }
+        for col in (0..N).rev() {
+            if col >= *rank {
+                part[col] *= gram[col][col];
+                for row in col + 1..N {
+                    part[col] -= part[row] * gram[col][row];
+                }
+                v[col] -= part[col];
+            }
+        }
+        for k in 0..N {
+            if k >= *rank {
+                subtract(-part[k], &kernel[k], v);
+            }
+        }
+    }
+}

@@ -1,0 +1,325 @@
+//! The frame of the Krylov solvers without preconditioner, [`cg`](crate::solvers::cg) and [`minres`](crate::solvers::minres): products with
+//! A, and nothing carried but the last x.
+//!
+//! Both seek x in x₀ + K, K = span{r₀, A r₀, A² r₀, …}, with r = b − A x (the other sign than the quasi-Newton solvers),
+//! until
+//!
+//! ```text
+//!     ‖r‖ ≤ rtol ‖b‖,   or, for a b outside range(A), in least squares:   ‖A r‖ ≤ ‖A‖ max(rtol ‖r‖, rounding of r)
+//! ```
+//!
+//! ‖A‖ is the largest ‖A v‖ / ‖v‖ met, hence from below. A residual that lies wholly along eigenvalues below rtol ‖A‖
+//! counts as outside the range. Recurrences drift: when a method claims to be done, b − A x is computed, and unless it
+//! agrees the method starts anew from there, [`PASSES`] times in all. A pass that makes ‖r‖ larger is undone.
+//!
+//! **Minimum norm.** From x₀ = 0, x stays in range(A) if b is there: minimum norm. If b is not, r ends as the part of b in
+//! null(A), which is also the only null direction in K, so x − (rᵀx / rᵀr) r is A⁺b (Liu, Milzarek and Roosta, "Obtaining
+//! pseudo-inverse solutions with MINRES", arXiv:2309.17096); a least-squares end gives that. A warm start, from the last x,
+//! saves iterations and gives the norm up: whatever x₀ has in null(A) stays, and null(A) turns. Ask for `warm=0` where the
+//! norm matters; accelerations do not care. A warm start worse than x = 0 is not used, nor the x of a breakdown.
+
+use std::marker::PhantomData;
+
+use crate::error::{Error, check_len};
+use crate::info::{Info, Status};
+use crate::linalg::kernels::{axpy, dot, norm};
+use crate::params::{Params, Reader};
+use crate::problem::{Needs, Problem};
+use crate::solvers::solver::{Solver, State};
+
+/// Times that a method is run from a computed residual in one solve.
+pub(crate) const PASSES: usize = 3;
+
+/// Rounding of b − A x, relative to ‖b‖ + ‖A‖ ‖x‖: a few units in the last place for each of a few terms.
+pub(crate) const NOISE: f64 = 16.0 * f64::EPSILON;
+
+/// Work vectors, `n` each; what they hold means nothing between passes.
+pub type Space = [Vec<f64>; 5];
+
+/// When a solve is done, and what it knows so far.
+#[derive(Debug, Clone, Copy)]
+pub struct Goal {
+    /// ‖r‖ wanted.
+    pub tolerance: f64,
+    /// Of the least-squares test.
+    pub rtol: f64,
+    /// Rounding of r.
+    pub noise: f64,
+    /// ‖A‖, from below.
+    pub norm: f64,
+    /// Iterations left; each takes one product.
+    pub left: usize,
+}
+
+impl Goal {
+    /// The least-squares test on ‖A r‖ and ‖r‖.
+    #[must_use]
+    pub fn least_squares(&self, image: f64, residual: f64) -> bool {
+        // Where the square of ‖A r‖ underflows, ‖A r‖ = 0 says nothing.
+        let measurable = self.norm * residual > f64::MIN_POSITIVE.sqrt();
+        measurable && image <= self.norm * (self.rtol * residual).max(self.noise)
+    }
+}
+
+/// How a pass ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// The recurrences say that it is done.
+    Claimed,
+    /// No iterations left.
+    Limit,
+    /// No curvature, no progress or an overflow.
+    Stuck,
+}
+
+/// A Krylov method.
+pub trait Method: Clone + Send + Sync + 'static {
+    /// Name in the registry.
+    const NAME: &'static str;
+    /// One line on what it is.
+    const SUMMARY: &'static str;
+
+    /// Iterates from x and r = b − A x (`n` each) until it is done, by its recurrences, or cannot go on; x is then the best
+    /// it has, and r worthless.
+    fn run(
+        space: &mut Space,
+        problem: &mut Problem<'_>,
+        x: &mut [f64],
+        r: &mut [f64],
+        goal: &mut Goal,
+    ) -> End;
+}
+
+/// Parameters of [`Krylov`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KrylovParams<M> {
+    /// Of both stopping tests, relative; > 0.
+    pub rtol: f64,
+    /// Iterations, of all passes, after which a solve gives up; one product each.
+    pub max_iterations: usize,
+    /// Whether a solve starts from the x of the last one, which gives up the minimum norm.
+    pub warm: bool,
+    /// The method.
+    pub method: PhantomData<M>,
+}
+
+impl<M: Method> Params for KrylovParams<M> {
+    const SOLVER: &'static str = M::NAME;
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
+        Ok(Self {
+            rtol: reader.positive("rtol", 1e-10)?,
+            max_iterations: reader.count("max_iterations", 500)?,
+            warm: reader.switch("warm", true)?,
+            method: PhantomData,
+        })
+    }
+}
+
+/// A Krylov method with the x of the last solve.
+#[derive(Clone)]
+pub struct Krylov<M> {
+    params: KrylovParams<M>,
+    x: Vec<f64>,
+    /// Whether x is that of a solve.
+    kept: bool,
+    r: Vec<f64>,
+    /// x before a pass.
+    before: Vec<f64>,
+    space: Space,
+}
+
+impl<M: Method> Krylov<M> {
+    fn resize(&mut self, n: usize) {
+        if self.x.len() != n {
+            self.kept = false;
+            self.x = vec![0.0; n];
+            self.r = vec![0.0; n];
+            self.before = vec![0.0; n];
+            self.space = std::array::from_fn(|_| vec![0.0; n]);
+        }
+    }
+
+    /// r = b − A x, computed; gives ‖r‖.
+    fn residual(&mut self, problem: &mut Problem<'_>) -> f64 {
+        problem.apply(&self.x, &mut self.r);
+        for (r, b) in self.r.iter_mut().zip(problem.rhs()) {
+            *r = b - *r;
+        }
+        norm(&self.r)
+    }
+
+    /// x = 0.
+    fn start_cold(&mut self, problem: &Problem<'_>) {
+        self.x.fill(0.0);
+        self.r.copy_from_slice(problem.rhs());
+    }
+
+    /// x loses what b has brought into null(A), where r lies, but for its image A r in `before`; gives ‖b − A x‖.
+    fn minimise_norm(&mut self) -> f64 {
+        let along = dot(&self.r, &self.x) / dot(&self.r, &self.r);
+        axpy(-along, &self.r, &mut self.x);
+        axpy(along, &self.before, &mut self.r);
+        norm(&self.r)
+    }
+}
+
+impl<M: Method> Solver for Krylov<M> {
+    type Params = KrylovParams<M>;
+    const SUMMARY: &'static str = M::SUMMARY;
+    const NEEDS: Needs = Needs::Operator;
+
+    fn new(params: KrylovParams<M>) -> Self {
+        Self {
+            params,
+            x: Vec::new(),
+            kept: false,
+            r: Vec::new(),
+            before: Vec::new(),
+            space: Space::default(),
+        }
+    }
+
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        let n = problem.len();
+        check_len("x", x.len(), &[n])?;
+        self.resize(n);
+        let KrylovParams { rtol, max_iterations, warm, .. } = self.params;
+        let b_norm = norm(problem.rhs());
+        let (mut r_norm, mut checks) = (b_norm, 0);
+        if warm && self.kept {
+            r_norm = self.residual(problem);
+            checks += 1;
+        }
+        if !(warm && self.kept && r_norm < b_norm) {
+            self.start_cold(problem);
+            r_norm = b_norm;
+        }
+        let tolerance = rtol * b_norm;
+        let mut goal = Goal { tolerance, rtol, noise: 0.0, norm: 0.0, left: max_iterations };
+        let mut status = Status::Breakdown;
+        for pass in 0..=PASSES {
+            if r_norm <= tolerance && r_norm.is_finite() {
+                status = Status::Converged;
+            }
+            if status == Status::Converged || pass == PASSES {
+                break;
+            }
+            goal.noise = NOISE * (b_norm + goal.norm * norm(&self.x));
+            self.before.copy_from_slice(&self.x);
+            let end = M::run(&mut self.space, problem, &mut self.x, &mut self.r, &mut goal);
+            let reached = self.residual(problem);
+            checks += 1;
+            if reached > r_norm + goal.noise || reached.is_nan() {
+                self.x.copy_from_slice(&self.before);
+                break;
+            }
+            r_norm = reached;
+            match end {
+                _ if r_norm <= tolerance => {}
+                End::Claimed => {
+                    problem.apply(&self.r, &mut self.before);
+                    checks += 1;
+                    goal.noise = NOISE * (b_norm + goal.norm * norm(&self.x));
+                    let image = norm(&self.before);
+                    // An A r whose squares underflow says nothing; one that is zero does.
+                    let lost = image == 0.0 && self.before.iter().any(|&entry| entry != 0.0);
+                    if !lost && goal.least_squares(image, r_norm) {
+                        status = Status::Converged;
+                        // An r that is all rounding would spoil x.
+                        if image <= goal.norm * rtol * r_norm {
+                            r_norm = self.minimise_norm();
+                        }
+                    }
+                }
+                End::Limit => {
+                    status = Status::IterationLimit;
+                    break;
+                }
+                End::Stuck => break,
+            }
+        }
+        self.kept = status != Status::Breakdown;
+        x.copy_from_slice(&self.x);
+        let iterations = max_iterations - goal.left;
+        Ok(Info {
+            status,
+            iterations,
+            products: iterations + checks,
+            residual_rel: if b_norm == 0.0 { 0.0 } else { r_norm / b_norm },
+            inconsistency: None,
+            rank: None,
+            null_residual: None,
+            ..Info::trivial(0.0)
+        })
+    }
+
+    fn reset(&mut self) {
+        self.kept = false;
+    }
+
+    fn state(&self) -> State {
+        let state = State::new(M::NAME, self.x.len());
+        if self.kept { state.with("x", &self.x) } else { state }
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        let kept = state.fields.contains_key("x");
+        state.check(M::NAME, &[("x", if kept { state.size } else { 0 })])?;
+        state.check_names(M::NAME, &["x"])?;
+        self.kept = false;
+        if kept {
+            self.resize(state.size);
+            self.kept = true;
+            self.x.copy_from_slice(state.field("x"));
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_problems::{RANK, ROWS, boat};
+    use crate::{ConstrainedSystem, MultiplierSolver, Options, Wanted, make_solver};
+
+    #[test]
+    fn the_boat_is_solved_in_no_more_iterations_than_its_rank_and_cold_with_minimum_norm() {
+        for name in ["cg", "minres"] {
+            for warm in [false, true] {
+                let options = Options::new().with("warm", f64::from(u8::from(warm)));
+                let (mut solver, mut pinv) =
+                    (make_solver(name, &options).unwrap(), make_solver("pinv", &Options::new()).unwrap());
+                let (mut system, mut x, mut least) = (ConstrainedSystem::new(), [0.0; ROWS], [0.0; ROWS]);
+                for k in 0..500 {
+                    system.assemble(&boat(0.01 * f64::from(k)).view()).unwrap();
+                    let info = system.solve(&mut *solver, Wanted::Multipliers, &mut x).unwrap();
+                    assert_eq!(info.status, Status::Converged, "{name} at {k}: {info:?}");
+                    assert!(info.residual_rel <= 1e-10 && info.iterations <= RANK, "{name} at {k}: {info:?}");
+                    system.solve(&mut *pinv, Wanted::Multipliers, &mut least).unwrap();
+                    let gap = x.iter().zip(least).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                    assert!(warm || gap <= 1e-9 * norm(&least), "{name} at {k}: {gap:e}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_limit_is_kept_and_a_good_start_costs_no_iteration() {
+        for name in ["cg", "minres"] {
+            let mut system = ConstrainedSystem::new();
+            system.set_dense(&[1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0], &[1.0; 3]).unwrap();
+            let mut solve = |solver: &mut dyn MultiplierSolver| {
+                system.solve(solver, Wanted::Multipliers, &mut [0.0; 3]).unwrap()
+            };
+            let mut solver = make_solver(name, &Options::new().with("max_iterations", 2.0)).unwrap();
+            let info = solve(&mut *solver);
+            assert_eq!((info.status, info.iterations), (Status::IterationLimit, 2), "{name}");
+            // The next solves go on from there.
+            assert!((0..20).any(|_| solve(&mut *solver).status == Status::Converged), "{}", name);
+            assert_eq!(solve(&mut *solver).iterations, 0, "{name}");
+            solver.reset();
+            assert_eq!(solve(&mut *solver).iterations, 2, "{name}");
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! What a solver is: [`Solver`] for who writes one, [`MultiplierSolver`] for who uses one, and [`State`] for who saves one.
+
+use std::collections::BTreeMap;
+use std::mem;
+use std::ops::RangeInclusive;
+
+use crate::error::Error;
+use crate::info::Info;
+use crate::params::Params;
+use crate::problem::{Needs, Problem};
+
+/// Solves A x = b, one step after another: what callers hold. Every [`Solver`] is one.
+///
+/// Callers hand steps to [`ConstrainedSystem::solve`](crate::ConstrainedSystem::solve), which folds first.
+pub trait MultiplierSolver: Send + Sync {
+    /// Name in the registry.
+    fn name(&self) -> &'static str;
+
+    /// What it works with.
+    fn needs(&self) -> Needs;
+
+    /// Solves the problem of one step into `x` (`n`).
+    ///
+    /// A problem of another size than the last one starts the solver anew, as [`reset`](Self::reset) does.
+    ///
+    /// # Errors
+    /// [`Error`] for bad input only; not converging is a [`Status`](crate::info::Status), with a usable x.
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error>;
+
+    /// Forgets all earlier steps.
+    fn reset(&mut self);
+
+    /// A copy with everything it carries.
+    fn clone_box(&self) -> Box<dyn MultiplierSolver>;
+
+    /// What it carries between steps; empty for a solver that carries nothing.
+    fn state(&self) -> State {
+        State::new(self.name(), 0)
+    }
+
+    /// Goes on from a saved state.
+    ///
+    /// # Errors
+    /// [`Error::State`] if the state is another solver's or not whole.
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        state.check(self.name(), &[])?;
+        state.check_names(self.name(), &[])
+    }
+}
+
+/// A solver as its author writes it. It owns its workspace and whatever it carries between steps.
+///
+/// Its methods are those of [`MultiplierSolver`], which follows from it.
+pub trait Solver: Clone + Send + Sync + 'static {
+    /// Its parameters, which bear its name in the registry.
+    type Params: Params;
+
+    /// One line on what it is.
+    const SUMMARY: &'static str;
+
+    /// What it works with.
+    const NEEDS: Needs;
+
+    /// A solver with these parameters, before its first step.
+    fn new(params: Self::Params) -> Self;
+
+    /// As [`MultiplierSolver::solve`].
+    ///
+    /// # Errors
+    /// Those of [`MultiplierSolver::solve`].
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error>;
+
+    /// Forgets all earlier steps.
+    fn reset(&mut self);
+
+    /// What it carries between steps; empty for a solver that carries nothing.
+    fn state(&self) -> State {
+        State::new(Self::Params::SOLVER, 0)
+    }
+
+    /// Goes on from a saved state.
+    ///
+    /// # Errors
+    /// [`Error::State`] if the state is another solver's or not whole.
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        state.check(Self::Params::SOLVER, &[])?;
+        state.check_names(Self::Params::SOLVER, &[])
+    }
+}
+
+impl<S: Solver> MultiplierSolver for S {
+    fn name(&self) -> &'static str {
+        S::Params::SOLVER
+    }
+
+    fn needs(&self) -> Needs {
+        S::NEEDS
+    }
+
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        Solver::solve(self, problem, x)
+    }
+
+    fn reset(&mut self) {
+        Solver::reset(self);
+    }
+
+    fn clone_box(&self) -> Box<dyn MultiplierSolver> {
+        Box::new(self.clone())
+    }
+
+    fn state(&self) -> State {
+        Solver::state(self)
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        Solver::restore(self, state)
+    }
+}
+
+/// What a solver carries between steps, for saving.
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct State {
+    /// Name of the solver.
+    pub solver: String,
+    /// Number of rows n that it was at; 0 before the first solve.
+    pub size: usize,
+    /// Its fields, flat.
+    pub fields: BTreeMap<String, Vec<f64>>,
+}
+
+impl State {
+    /// A state without fields.
+    #[must_use]
+    pub fn new(solver: &str, size: usize) -> Self {
+        Self { solver: solver.to_owned(), size, fields: BTreeMap::new() }
+    }
+
+    /// With one more field.
+    #[must_use]
+    pub fn with(mut self, name: &str, values: &[f64]) -> Self {
+        self.fields.insert(name.to_owned(), values.to_vec());
+        self
+    }
+
+    /// A field; empty if it is missing.
+    #[must_use]
+    pub fn field(&self, name: &str) -> &[f64] {
+        self.fields.get(name).map_or(&[], Vec::as_slice)
+    }
+
+    /// A whole number in `range` that was saved as a float.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub fn count(value: f64, range: RangeInclusive<usize>, solver: &'static str) -> Result<usize, Error> {
+        let (least, most) = range.into_inner();
+        if value.fract() == 0.0 && value >= least as f64 && value <= most as f64 {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
+            return Ok(value as usize);
+        }
+        let reason = format!("a count is {value}, expected a whole number from {least} to {most}");
+        Err(Error::State { solver, reason })
+    }
+
+    /// A field that holds every row once, in some order.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub fn order(&self, name: &str, solver: &'static str) -> Result<Vec<usize>, Error> {
+        self.check(solver, &[(name, self.size)])?;
+        let mut met = vec![false; self.size];
+        let mut take = |&entry: &f64| {
+            let row = Self::count(entry, 0..=self.size - 1, solver)?;
+            if mem::replace(&mut met[row], true) {
+                return Err(Error::State { solver, reason: format!("field '{name}' has row {row} twice") });
+            }
+            Ok(row)
+        };
+        self.field(name).iter().map(&mut take).collect()
+    }
+
+    /// Checks that it is this solver's and that its fields have these lengths and are finite.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub fn check(&self, solver: &'static str, lengths: &[(&str, usize)]) -> Result<(), Error> {
+        let bad = |reason| Err(Error::State { solver, reason });
+        if self.solver != solver {
+            return bad(format!("it is that of solver '{}'", self.solver));
+        }
+        for &(name, length) in lengths {
+            let field = self.field(name);
+            if field.len() != length {
+                return bad(format!("field '{name}' has {} entries, expected {length}", field.len()));
+            }
+            if let Some(index) = field.iter().position(|value| !value.is_finite()) {
+                return bad(format!("{name}[{index}] = {}, expected finite numbers", field[index]));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that it has no fields but these: one that the solver does not know means another version.
+    ///
+    /// # Errors
+    /// [`Error::State`].
+    pub fn check_names(&self, solver: &'static str, known: &[&str]) -> Result<(), Error> {
+        match self.fields.keys().find(|name| !known.contains(&name.as_str())) {
+            None => Ok(()),
+            Some(name) => {
+                let expected = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+                Err(Error::State { solver, reason: format!("unknown field '{name}', expected {expected}") })
+            }
+        }
+    }
+}
