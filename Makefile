@@ -8,7 +8,7 @@ MODEL ?=
 # The name of a variant, NAME:key=value,…, as one for folders.
 comma := ,
 FOLDER = $(subst $(comma),-,$(subst :,-,$(MODEL)))
-RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs rust/*/src/*.[ch])
+RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs rust/*/src/*/*/*.rs rust/*/src/*.[ch])
 # Whose MuJoCo the native step loops are compiled against.
 export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
