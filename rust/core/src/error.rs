@@ -1,5 +1,7 @@
 //! What can be wrong with the input. Every message names the value and what was expected.
 
+use crate::params::value::Value;
+
 /// Bad input. Not converging is not an error: see [`Status`](crate::info::Status).
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -112,7 +114,7 @@ pub enum Error {
         /// The option.
         option: &'static str,
         /// The value given.
-        value: f64,
+        value: Value,
         /// The range.
         expected: &'static str,
     },

@@ -1,12 +1,16 @@
 //! Options by name, for solvers made from a string (`sr1:eps_abs=1e-7`).
 
+pub(crate) mod value;
+
 use std::collections::BTreeMap;
+
+pub use value::Value;
 
 use crate::error::Error;
 
-/// Numbers by name. Every solver reads its own through a [`Reader`], which refuses the names left over.
+/// Values by name. Every solver reads its own through a [`Reader`], which refuses the names left over.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Options(BTreeMap<String, f64>);
+pub struct Options(BTreeMap<String, Value>);
 
 impl Options {
     /// No options: every solver's defaults.
@@ -17,8 +21,8 @@ impl Options {
 
     /// With one more option; a name given twice keeps the last value.
     #[must_use]
-    pub fn with(mut self, name: &str, value: f64) -> Self {
-        self.0.insert(name.to_owned(), value);
+    pub fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
+        self.0.insert(name.to_owned(), value.into());
         self
     }
 
@@ -32,25 +36,31 @@ impl Options {
 #[derive(Debug)]
 pub struct Reader<'a> {
     solver: &'static str,
-    given: &'a BTreeMap<String, f64>,
-    known: Vec<(&'static str, f64)>,
+    given: &'a BTreeMap<String, Value>,
+    known: Vec<(&'static str, Value)>,
 }
 
 impl Reader<'_> {
     fn read(
         &mut self,
         option: &'static str,
-        default: f64,
+        default: impl Into<Value>,
         expected: &'static str,
         valid: impl Fn(f64) -> bool,
     ) -> Result<f64, Error> {
-        self.known.push((option, default));
-        let value = self.given.get(option).copied().unwrap_or(default);
-        if valid(value) {
-            Ok(value)
+        let value = self.value(option, default);
+        if valid(value.number()) {
+            Ok(value.number())
         } else {
             Err(Error::OptionValue { solver: self.solver, option, value, expected })
         }
+    }
+
+    /// What was given, or the default.
+    fn value(&mut self, option: &'static str, default: impl Into<Value>) -> Value {
+        let default = default.into();
+        self.known.push((option, default));
+        self.given.get(option).copied().unwrap_or(default)
     }
 
     /// A number in (0, ∞).
@@ -83,7 +93,7 @@ impl Reader<'_> {
     /// [`Error::OptionValue`] outside that range or with a fraction.
     pub fn count(&mut self, option: &'static str, default: u32) -> Result<usize, Error> {
         let valid = |v: f64| v.fract() == 0.0 && (1.0..=1e6).contains(&v);
-        let value = self.read(option, f64::from(default), "a whole number from 1 to 1000000", valid)?;
+        let value = self.read(option, i64::from(default), "a whole number from 1 to 1000000", valid)?;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
         Ok(value as usize)
     }
@@ -94,19 +104,25 @@ impl Reader<'_> {
     /// [`Error::OptionValue`] outside that range or with a fraction.
     pub fn count_to(&mut self, option: &'static str, default: u32, most: usize) -> Result<usize, Error> {
         let valid = |v: f64| v.fract() == 0.0 && v >= 0.0 && v <= most as f64;
-        let value = self.read(option, f64::from(default), "a small whole number ≥ 0", valid)?;
+        let value = self.read(option, i64::from(default), "a small whole number ≥ 0", valid)?;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked just above
         Ok(value as usize)
     }
 
-    /// Off (0) or on (1).
+    /// Off (false, or 0) or on (true, or 1).
     ///
     /// # Errors
     /// [`Error::OptionValue`] for anything else.
     pub fn switch(&mut self, option: &'static str, default: bool) -> Result<bool, Error> {
-        let valid = |v: f64| v.fract() == 0.0 && (0.0..=1.0).contains(&v);
-        let value = self.read(option, f64::from(u8::from(default)), "a switch: 0 or 1", valid)?;
-        Ok(value != 0.0)
+        match self.value(option, default) {
+            Value::Switch(value) => Ok(value),
+            Value::Integer(0) | Value::Float(0.0) => Ok(false),
+            Value::Integer(1) | Value::Float(1.0) => Ok(true),
+            value => {
+                let expected = "a switch: 0 or 1";
+                Err(Error::OptionValue { solver: self.solver, option, value, expected })
+            }
+        }
     }
 
     /// Refuses the options that nobody read.
@@ -145,7 +161,7 @@ pub trait Params: Sized {
     }
 
     /// Names and defaults of the options.
-    fn defaults() -> Vec<(&'static str, f64)> {
+    fn defaults() -> Vec<(&'static str, Value)> {
         let options = Options::new();
         let mut reader = options.reader(Self::SOLVER);
         // The defaults are valid: a test builds every solver from them.

@@ -1,7 +1,7 @@
 //! The registry of solvers by name.
 
 use crate::error::Error;
-use crate::params::{Options, Params};
+use crate::params::{Options, Params, Value};
 use crate::solvers::auto::Auto;
 use crate::solvers::cg::Cg;
 use crate::solvers::cholesky::Cholesky;
@@ -24,7 +24,7 @@ pub struct SolverKind {
     /// Builds it from options.
     pub build: fn(&Options) -> Result<Box<dyn MultiplierSolver>, Error>,
     /// Names and defaults of its options.
-    pub options: fn() -> Vec<(&'static str, f64)>,
+    pub options: fn() -> Vec<(&'static str, Value)>,
 }
 
 impl SolverKind {

@@ -5,7 +5,7 @@ mod support;
 use std::collections::BTreeSet;
 use std::marker::PhantomData;
 
-use oarlock_core::params::Params;
+use oarlock_core::params::{Params, Value};
 use oarlock_core::registry::find_solver;
 use oarlock_core::solvers::krylov::KrylovParams;
 use oarlock_core::solvers::minres::Minres;
@@ -108,12 +108,62 @@ fn the_ranges_end_where_they_say() {
 }
 
 #[test]
+fn defaults_say_what_kind_an_option_is_of() {
+    let of = |solver: &str| (find_solver(solver).expect("registered").options)();
+    assert_eq!(
+        of("cg"),
+        [
+            ("rtol", Value::Float(1e-10)),
+            ("max_iterations", Value::Integer(500)),
+            ("warm", Value::Switch(true))
+        ]
+    );
+    assert!(of("sr1-tracked").contains(&("predict", Value::Integer(5))));
+}
+
+#[test]
+fn a_number_may_be_written_as_another_kind_and_a_switch_is_none() {
+    let cg = |option: &str, value: Value| {
+        KrylovParams::<Minres>::from_options(&Options::new().with(option, value))
+            .map_err(|error| error.to_string())
+    };
+    let expected =
+        |max_iterations, warm| Ok(KrylovParams { rtol: 1e-10, max_iterations, warm, method: PhantomData });
+    for value in [Value::Integer(7), Value::Float(7.0)] {
+        assert_eq!(cg("max_iterations", value), expected(7, true));
+    }
+    for value in [Value::Switch(false), Value::Integer(0), Value::Float(0.0)] {
+        assert_eq!(cg("warm", value), expected(500, false));
+    }
+    for value in [Value::Switch(true), Value::Integer(1), Value::Float(1.0)] {
+        assert_eq!(cg("warm", value), expected(500, true));
+    }
+    assert_eq!(cg("rtol", Value::Integer(2)).map(|params| params.rtol), Ok(2.0));
+    for (option, value, range) in [
+        ("rtol", Value::Switch(true), "true of solver 'minres', expected a finite number > 0"),
+        (
+            "max_iterations",
+            Value::Switch(true),
+            "true of solver 'minres', expected a whole number from 1 to 1000000",
+        ),
+        (
+            "max_iterations",
+            Value::Integer(i64::MAX),
+            "9223372036854775807 of solver 'minres', expected a whole number from 1 to 1000000",
+        ),
+        ("warm", Value::Integer(2), "2 of solver 'minres', expected a switch: 0 or 1"),
+    ] {
+        assert_eq!(cg(option, value), Err(format!("option {option} = {range}")));
+    }
+}
+
+#[test]
 fn every_option_reaches_its_parameter_and_the_last_value_counts() {
     let options = Options::new()
         .with("eps_abs", 1.0)
         .with("eps_abs", 1e-3)
         .with("guard", 0.25)
-        .with("max_iterations", 7.0)
+        .with("max_iterations", 7)
         .with("rank_cut", 0.125);
     let expected = Sr1Params { eps_abs: 1e-3, guard: 0.25, max_iterations: 7, rank_cut: 0.125 };
     assert_eq!(Sr1Params::from_options(&options), Ok(expected));
@@ -123,7 +173,7 @@ fn every_option_reaches_its_parameter_and_the_last_value_counts() {
         .with("eps_abs", 1e-3)
         .with("rtol", 0.5)
         .with("guard", 0.25)
-        .with("max_iterations", 7.0)
+        .with("max_iterations", 7)
         .with("rank_cut", 0.125);
     let expected = QuasiNewtonParams {
         eps_abs: 1e-3,
@@ -134,10 +184,10 @@ fn every_option_reaches_its_parameter_and_the_last_value_counts() {
         update: Bfgs,
     };
     assert_eq!(QuasiNewtonParams::from_options(&options), Ok(expected));
-    let options = Options::new().with("rtol", 0.5).with("max_iterations", 7.0).with("warm", 0.0);
+    let options = Options::new().with("rtol", 0.5).with("max_iterations", 7).with("warm", false);
     let expected = KrylovParams { rtol: 0.5, max_iterations: 7, warm: false, method: PhantomData::<Minres> };
     assert_eq!(KrylovParams::from_options(&options), Ok(expected));
-    let options = options.with("epsilon", 1e-3).with("warm", 1.0);
+    let options = options.with("epsilon", 1e-3).with("warm", true);
     let expected = RegularisedParams { epsilon: 1e-3, rtol: 0.5, max_iterations: 7, warm: true };
     assert_eq!(RegularisedParams::from_options(&options), Ok(expected));
 }

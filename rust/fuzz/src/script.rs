@@ -2,6 +2,7 @@
 
 use arbitrary::{Result, Unstructured};
 use oarlock_core::Wanted;
+use oarlock_core::params::Value;
 
 use crate::number::{Palette, SPECIAL};
 
@@ -90,7 +91,7 @@ pub enum Corruption {
 #[derive(Debug, Clone)]
 pub struct Script {
     /// Number of an option and its value.
-    pub options: Vec<(u8, f64)>,
+    pub options: Vec<(u8, Value)>,
     /// In this order.
     pub actions: Vec<Action>,
 }
@@ -125,8 +126,30 @@ impl Script {
     }
 }
 
-const OPTION_VALUES: [f64; 16] =
-    [0.0, 1.0, 2.0, 3.0, 10.0, 0.5, 0.25, 0.999, 1e-3, 1e-6, 1e-10, 1e-14, 5e-324, 1e300, -1.0, f64::NAN];
+const OPTION_VALUES: [Value; 22] = [
+    Value::Switch(false),
+    Value::Switch(true),
+    Value::Integer(-1),
+    Value::Integer(0),
+    Value::Integer(1),
+    Value::Integer(3),
+    Value::Integer(10),
+    Value::Integer(i64::MAX),
+    Value::Float(0.0),
+    Value::Float(1.0),
+    Value::Float(2.0),
+    Value::Float(0.5),
+    Value::Float(0.25),
+    Value::Float(0.999),
+    Value::Float(1e-3),
+    Value::Float(1e-6),
+    Value::Float(1e-10),
+    Value::Float(1e-14),
+    Value::Float(5e-324),
+    Value::Float(1e300),
+    Value::Float(-1.0),
+    Value::Float(f64::NAN),
+];
 
 fn corruption(u: &mut Unstructured<'_>) -> Result<Corruption> {
     Ok(match u.int_in_range(0..=7_u8)? {

@@ -1,6 +1,7 @@
 //! One solver through one script, and what must hold at every step of it.
 
 use nalgebra::{DMatrix, DVector};
+use oarlock_core::params::Value;
 use oarlock_core::registry::SolverKind;
 use oarlock_core::{ConstrainedSystem, Error, Info, MultiplierSolver, Options, State, Wanted};
 
@@ -21,7 +22,7 @@ const APART: f64 = 1e-5;
 const SOLVED: f64 = 1e-6;
 
 /// Iterations of a solver made with options, at most: a script may not ask for a million.
-const MOST_ITERATIONS: f64 = 200.0;
+const MOST_ITERATIONS: i64 = 200;
 
 /// Plays a script to a solver.
 ///
@@ -30,11 +31,18 @@ const MOST_ITERATIONS: f64 = 200.0;
 pub fn play(kind: &'static SolverKind, script: &Script) {
     let names = (kind.options)();
     let mut options = Options::new();
-    let mut limit = names.iter().find(|(name, _)| *name == "max_iterations").map(|(_, most)| *most);
+    let of_iterations = |(name, value): &(&str, Value)| (*name == "max_iterations").then_some(*value);
+    let mut limit = names.iter().find_map(of_iterations);
     for &(number, value) in &script.options {
         let (name, _) = names[usize::from(number) % names.len()];
-        let value = if name == "max_iterations" { value.min(MOST_ITERATIONS) } else { value };
-        limit = if name == "max_iterations" { Some(value) } else { limit };
+        let value = match value {
+            Value::Integer(value) if name == "max_iterations" => Value::Integer(value.min(MOST_ITERATIONS)),
+            Value::Float(value) if name == "max_iterations" => {
+                Value::Float(value.min(MOST_ITERATIONS as f64))
+            }
+            value => value,
+        };
+        limit = of_iterations(&(name, value)).or(limit);
         options = options.with(name, value);
     }
     match (kind.build)(&options) {
@@ -43,7 +51,11 @@ pub fn play(kind: &'static SolverKind, script: &Script) {
             let mut session = Session {
                 kind,
                 options,
-                limit,
+                limit: limit.map(|limit| match limit {
+                    Value::Float(most) => most,
+                    Value::Integer(most) => most as f64,
+                    Value::Switch(_) => f64::NAN,
+                }),
                 by_default,
                 solver,
                 system: ConstrainedSystem::new(),

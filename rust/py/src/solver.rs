@@ -5,8 +5,9 @@ use std::time::{Duration, Instant};
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use oarlock_core as core;
+use oarlock_core::params::Value;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBool, PyDict, PyInt};
 
 use crate::convert::{InputError, input_error, matrix, vector};
 use crate::system::ConstrainedSystem;
@@ -191,24 +192,51 @@ where
     value.extract().map_err(|_| InputError::new_err(format!("state['{key}'] = {value}, expected {expected}")))
 }
 
-/// Makes a solver by its name, with options as numbers: `make_solver("sr1", eps_abs=1e-7)`.
+/// The value of an option, as Python has it: a bool, an int, or whatever makes a float.
+pub struct OptionValue(Value);
+
+impl<'a, 'py> FromPyObject<'a, 'py> for OptionValue {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        let value = if let Ok(switch) = given.cast::<PyBool>() {
+            Value::Switch(switch.is_true())
+        } else if let (true, Ok(integer)) = (given.is_instance_of::<PyInt>(), given.extract()) {
+            Value::Integer(integer)
+        } else {
+            Value::Float(given.extract()?)
+        };
+        Ok(Self(value))
+    }
+}
+
+/// Makes a solver by its name, with options as numbers and switches: `make_solver("sr1", eps_abs=1e-7)`.
 #[pyfunction]
 #[pyo3(signature = (name, **options))]
-pub fn make_solver(name: &str, options: Option<BTreeMap<String, f64>>) -> PyResult<MultiplierSolver> {
+pub fn make_solver(name: &str, options: Option<BTreeMap<String, OptionValue>>) -> PyResult<MultiplierSolver> {
     let options = options
         .unwrap_or_default()
         .iter()
-        .fold(core::Options::new(), |options, (name, value)| options.with(name, *value));
+        .fold(core::Options::new(), |options, (name, value)| options.with(name, value.0));
     let inner = core::make_solver(name, &options).map_err(input_error)?;
     Ok(MultiplierSolver { inner, dense: core::ConstrainedSystem::new() })
 }
 
-/// Every solver: {name: (summary, {option: default})}.
+/// Every solver: {name: (summary, {option: default})}, a default as the float, int or bool that it is.
 #[pyfunction]
 pub fn solvers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let all = PyDict::new(py);
     for kind in core::SOLVERS {
-        let options: BTreeMap<_, _> = (kind.options)().into_iter().collect();
+        let mut defaults = (kind.options)();
+        defaults.sort_by_key(|&(option, _)| option);
+        let options = PyDict::new(py);
+        for (option, default) in defaults {
+            match default {
+                Value::Float(value) => options.set_item(option, value)?,
+                Value::Integer(value) => options.set_item(option, value)?,
+                Value::Switch(value) => options.set_item(option, value)?,
+            }
+        }
         all.set_item(kind.name, (kind.summary, options))?;
     }
     Ok(all)

@@ -101,7 +101,7 @@ mod tests {
         // The third row is the sum of the others, and b is not: no x has ‖b − A x‖ below 2/√3.
         let mut system = ConstrainedSystem::new();
         system.set_dense(&[2.0, 0.0, 2.0, 0.0, 1.0, 1.0, 2.0, 1.0, 3.0], &[1.0, 1.0, 0.0]).unwrap();
-        for warm in [0.0, 1.0] {
+        for warm in [false, true] {
             let mut cg = make_solver("cg", &Options::new().with("warm", warm)).unwrap();
             for _ in 0..3 {
                 let mut x = [0.0; 3];

@@ -287,7 +287,7 @@ mod tests {
     fn the_boat_is_solved_in_no_more_iterations_than_its_rank_and_cold_with_minimum_norm() {
         for name in ["cg", "minres"] {
             for warm in [false, true] {
-                let options = Options::new().with("warm", f64::from(u8::from(warm)));
+                let options = Options::new().with("warm", warm);
                 let (mut solver, mut pinv) =
                     (make_solver(name, &options).unwrap(), make_solver("pinv", &Options::new()).unwrap());
                 let (mut system, mut x, mut least) = (ConstrainedSystem::new(), [0.0; ROWS], [0.0; ROWS]);
@@ -312,7 +312,7 @@ mod tests {
             let mut solve = |solver: &mut dyn MultiplierSolver| {
                 system.solve(solver, Wanted::Multipliers, &mut [0.0; 3]).unwrap()
             };
-            let mut solver = make_solver(name, &Options::new().with("max_iterations", 2.0)).unwrap();
+            let mut solver = make_solver(name, &Options::new().with("max_iterations", 2)).unwrap();
             let info = solve(&mut *solver);
             assert_eq!((info.status, info.iterations), (Status::IterationLimit, 2), "{name}");
             // The next solves go on from there.
