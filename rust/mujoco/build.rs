@@ -1,11 +1,13 @@
 //! Compiles the shim against the headers that the MuJoCo wheel carries.
 //!
+//! Tells unit tests where the library lies: beside the headers.
+//!
 //! They are looked for in `MUJOCO_INCLUDE`, then beside the package `mujoco` of the interpreter that the extension is
 //! built for (`PYO3_PYTHON`, or `python3`).
 
-use std::env;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::{env, fs};
 
 /// Prints the folder of the package without importing it, which would map its library.
 const FIND: &str =
@@ -24,6 +26,9 @@ fn main() {
         return;
     };
     println!("cargo::rerun-if-changed={}", include.join("mujoco/mujoco.h").display());
+    if let Some(library) = include.parent().and_then(library) {
+        println!("cargo::rustc-env=OARLOCK_MUJOCO_LIBRARY={}", library.display());
+    }
     cc::Build::new().file("src/shim.c").include(include).std("c11").warnings(true).compile("oarlock_shim");
 }
 
@@ -39,4 +44,13 @@ fn include() -> Option<PathBuf> {
 
 fn has_header(folder: PathBuf) -> Option<PathBuf> {
     folder.join("mujoco/mujoco.h").is_file().then_some(folder)
+}
+
+/// MuJoCo's library in a folder.
+fn library(folder: &Path) -> Option<PathBuf> {
+    let is_library = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        name.starts_with("libmujoco.") || name == "mujoco.dll"
+    };
+    fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path()).find(is_library)
 }

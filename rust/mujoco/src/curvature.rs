@@ -188,3 +188,93 @@ impl Coordinate {
         Self { qpos, dof: index(model.jnt_dofadr()[joint]), zero: model.qpos0()[qpos] }
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use crate::library::Jacobian;
+    use crate::library::testing::{data, model, moved, somewhere};
+    use crate::vectors::{largest, times};
+
+    /// Step of a central difference, s: its error is 1e-10, and rounding over it 1e-11.
+    const STEP: f64 = 1e-5;
+
+    /// Both, times rates and stiffnesses of MuJoCo's aref (K up to 1e4), from which J̇v is taken back.
+    const DIFFERENCE: f64 = 1e-7;
+
+    fn with(equalities: &str) -> String {
+        format!(
+            r#"<mujoco>
+              <option><flag contact="disable"/></option>
+              <worldbody>
+                <site name="hook" pos="0 0 1"/>
+                <body name="p" pos=".5 0 .2">
+                  <joint name="turn" type="hinge" axis="0 1 0"/><joint name="slide" type="slide" axis="1 0 0"/>
+                  <geom size=".05"/><site name="ps" pos=".1 0 .1"/>
+                  <body name="c" pos=".2 0 .1">
+                    <joint type="ball"/><geom type="capsule" size=".03 .1"/><site name="cs" pos=".1 .05 .2"/>
+                  </body>
+                </body>
+                <body name="f" pos="-.5 .1 .3"><freejoint/><geom type="box" size=".1 .05 .02"/><site name="fs" pos=".05 .1 0"/></body>
+              </worldbody>
+              <tendon>
+                <spatial name="path"><site site="hook"/><site site="ps"/><site site="fs"/></spatial>
+                <spatial name="block"><site site="hook"/><site site="cs"/><pulley divisor="2"/><site site="cs"/><site site="fs"/></spatial>
+                <fixed name="sum"><joint joint="turn" coef="2"/><joint joint="slide" coef="-1"/></fixed>
+              </tendon>
+              <equality>{equalities}</equality>
+            </mujoco>"#
+        )
+    }
+
+    /// J̇v as it is written, and as the difference of J along the motion at q̈ = 0.
+    fn both(equalities: &str) -> (Vec<f64>, Vec<f64>) {
+        let model = model(&with(equalities));
+        let (qpos, qvel) = somewhere(&model);
+        let rates = |time: f64| {
+            let state = data(&model, &moved(&model, &qpos, &qvel, time), &qvel);
+            let (mut jacobian, mut rates) = (Jacobian::default(), vec![0.0; state.ne()]);
+            jacobian.read(&state);
+            times(jacobian.entries(), &qvel, &mut rates);
+            rates
+        };
+        let difference = rates(STEP)
+            .iter()
+            .zip(rates(-STEP))
+            .map(|(after, before)| (after - before) / (2.0 * STEP))
+            .collect();
+        let state = data(&model, &qpos, &qvel);
+        let mut written = vec![0.0; state.ne()];
+        Curvature::new(&model).expect("known kinds").write(&state, &mut written).expect("smooth here");
+        (written, difference)
+    }
+
+    #[test]
+    fn it_is_the_rate_of_the_rows_for_every_kind_of_equality() {
+        for (equalities, rows) in [
+            (r#"<connect body1="c" body2="f" anchor=".1 0 0"/>"#, 3),
+            (r#"<weld body1="c" body2="f"/>"#, 6),
+            (r#"<joint joint1="turn" polycoef=".1 0 0 0 0"/>"#, 1),
+            (r#"<joint joint1="turn" joint2="slide" polycoef="0 .5 .3 .2 .1"/>"#, 1),
+            (r#"<tendon tendon1="path"/>"#, 1),
+            (r#"<tendon tendon1="sum"/>"#, 1),
+            (r#"<tendon tendon1="path" tendon2="block" polycoef="0 1 .2 .1 -.3"/>"#, 1),
+            (r#"<tendon tendon1="sum" tendon2="path" polycoef="0 .7 .2 .1 .3"/>"#, 1),
+            (
+                r#"<joint joint1="slide"/><connect body1="p" body2="f" anchor="0 .1 0"/><tendon tendon1="block"/>"#,
+                5,
+            ),
+        ] {
+            let (written, difference) = both(equalities);
+            assert_eq!((written.len(), difference.len()), (rows, rows), "{equalities}");
+            let gaps: Vec<f64> = written.iter().zip(&difference).map(|(a, b)| a - b).collect();
+            assert!(largest(&gaps) < DIFFERENCE, "{equalities}: {written:?}, not {difference:?}");
+        }
+    }
+
+    #[test]
+    fn rows_that_are_constant_have_none() {
+        let (written, _) = both(r#"<joint joint1="turn"/><tendon tendon1="sum"/>"#);
+        assert_eq!(written, [0.0, 0.0]);
+    }
+}

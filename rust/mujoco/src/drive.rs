@@ -58,3 +58,69 @@ impl Controls for Drive {
         }
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use crate::library::testing::{data, model};
+    use crate::library::with_controls;
+
+    const DRIVEN: &str = r#"<mujoco>
+      <option timestep=".25" integrator="RK4"/>
+      <worldbody><body><joint name="j" type="slide"/><geom size=".1"/></body></worldbody>
+      <actuator><motor joint="j"/><motor joint="j"/></actuator>
+    </mujoco>"#;
+
+    fn drive(actuator: usize, law: &str) -> Drive {
+        Drive::new(vec![(actuator, TimeLaw::parse(law, &BTreeMap::new()).expect(law))])
+    }
+
+    #[test]
+    fn controls_are_the_laws_at_the_time_of_the_state_and_others_are_left_alone() {
+        let model = model(DRIVEN);
+        let mut state = data(&model, &[0.0], &[0.0]);
+        state.set_time(3.0);
+        state.ctrl_mut().copy_from_slice(&[7.0, 7.0]);
+        drive(1, "2*t").apply(&mut state).expect("finite");
+        assert_eq!(state.ctrl_mut(), [7.0, 6.0]);
+        Drive::default().apply(&mut state).expect("nothing to do");
+        assert_eq!(state.ctrl_mut(), [7.0, 6.0]);
+    }
+
+    #[test]
+    fn a_law_without_a_value_is_told_once_with_its_number_and_time() {
+        let model = model(DRIVEN);
+        let mut state = data(&model, &[0.0], &[0.0]);
+        state.set_time(2.0);
+        let mut drive = drive(0, "sqrt(1 - t)");
+        let Err(Error::Control { law: 0, value, time: 2.0 }) = drive.apply(&mut state) else {
+            panic!("√−1")
+        };
+        assert!(value.is_nan());
+        assert_eq!(drive.take_failure(), Ok(()));
+        state.set_time(1.0);
+        assert_eq!(drive.apply(&mut state), Ok(()));
+    }
+
+    #[test]
+    fn runge_kutta_asks_at_the_time_of_each_stage() {
+        struct Clock(Vec<f64>);
+        impl Controls for Clock {
+            fn write(&mut self, time: f64, ctrl: &mut [f64]) {
+                assert_eq!(ctrl.len(), 2);
+                self.0.push(time);
+            }
+        }
+        let model = model(DRIVEN);
+        let mut state = data(&model, &[0.0], &[0.0]);
+        state.set_time(1.0);
+        state.forward().expect("a state");
+        let mut clock = Clock(Vec::new());
+        with_controls(&model, &mut clock, || state.integrate()).expect("a step");
+        assert_eq!(clock.0, [1.125, 1.125, 1.25]);
+        state.forward().expect("nobody is asked any more");
+        assert_eq!(clock.0.len(), 3);
+    }
+}

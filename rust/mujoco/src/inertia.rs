@@ -72,3 +72,35 @@ impl Inertia {
         Ok(())
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use crate::library::testing::{data, model, some, somewhere};
+    use crate::vectors::sum;
+
+    #[test]
+    fn whitened_vectors_have_the_inner_products_of_the_inverse_of_m() {
+        let model = model(
+            r#"<mujoco><worldbody><body><freejoint/><geom type="box" size=".1 .2 .3"/>
+              <body pos=".4 0 0"><joint type="ball"/><geom size=".1" pos=".2 0 .1"/>
+                <body pos=".3 0 0"><joint type="hinge" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body></body>
+              <body pos="-.4 0 0"><joint type="slide" axis="1 1 0"/><geom size=".1"/></body></body></worldbody></mujoco>"#,
+        );
+        let (qpos, qvel) = somewhere(&model);
+        let mut state = data(&model, &qpos, &qvel);
+        let nv = model.nv();
+        let vectors = [some(nv, 0.1), some(nv, 5.0)].concat();
+        let roots: Vec<f64> = state.inverse_diagonal().iter().map(|inverse| inverse.sqrt()).collect();
+        let mut whitened = vec![0.0; 2 * nv];
+        state.whiten(&mut whitened, &vectors, &roots).expect("a factor");
+        let inner = |a: &[f64], b: &[f64]| sum(a.iter().zip(b).map(|(a, b)| a * b));
+        for (i, j) in [(0, 0), (0, 1), (1, 1)] {
+            let of = |all: &[f64], k: usize| all[k * nv..(k + 1) * nv].to_vec();
+            let mut solved = vec![0.0; nv];
+            state.solve_mass(&mut solved, &of(&vectors, j)).expect("a factor");
+            let (here, there) =
+                (inner(&of(&whitened, i), &of(&whitened, j)), inner(&of(&vectors, i), &solved));
+            assert!((here - there).abs() < 1e-12 * there.abs().max(1.0), "{i}, {j}: {here}, not {there}");
+        }
+    }
+}

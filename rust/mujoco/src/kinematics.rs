@@ -111,3 +111,68 @@ fn arm(data: &Data, body: c_int, place: Vector) -> Vector {
     let root = index(data.model().body_rootid()[index(body)]);
     minus(place, at(data.subtree_com(), root))
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use crate::library::testing::{data, model, moved, somewhere};
+    use crate::vectors::{dot, scaled};
+
+    /// Step of a second difference, s: its error is of second order, 1e-8, and rounding over its square as much.
+    const STEP: f64 = 1e-4;
+
+    /// Both, times derivatives of order ten.
+    const DIFFERENCE: f64 = 1e-6;
+
+    const TREE: &str = r#"<mujoco>
+      <option><flag contact="disable"/></option>
+      <worldbody>
+        <body pos=".1 .2 .3">
+          <freejoint/><geom type="box" size=".1 .2 .3"/><site pos=".3 .1 -.2"/>
+          <body pos=".4 0 .1">
+            <joint type="ball" pos=".05 0 0"/><geom type="capsule" size=".05 .2" pos=".1 .1 0"/>
+            <body pos="0 .3 0">
+              <joint type="hinge" axis="1 2 3" pos="0 .1 0"/><joint type="slide" axis="0 1 1"/>
+              <geom size=".1" pos="0 .2 .1"/><site pos=".2 .3 .4"/>
+              <body pos=".1 0 0"><geom size=".1"/><site pos="0 -.1 .2"/></body>
+            </body>
+          </body>
+        </body>
+        <body pos="2 0 0"><joint type="hinge" axis="0 1 0"/><geom size=".1" pos=".5 0 0"/><site pos=".4 .1 0"/></body>
+        <site pos="1 1 1"/>
+      </worldbody>
+    </mujoco>"#;
+
+    #[test]
+    fn velocity_and_bend_are_the_derivatives_of_a_place_without_accelerations() {
+        let model = model(TREE);
+        let (qpos, qvel) = somewhere(&model);
+        let place = |time: f64, site: usize| {
+            at(data(&model, &moved(&model, &qpos, &qvel, time), &qvel).site_xpos(), site)
+        };
+        let state = data(&model, &qpos, &qvel);
+        let bodies = model.site_bodyid();
+        let mut kinematics = Kinematics::new(&model, bodies.iter().copied());
+        kinematics.read(&state);
+        for (site, &body) in bodies.iter().enumerate() {
+            let [before, now, after] = [-STEP, 0.0, STEP].map(|time| place(time, site));
+            let rate = scaled(0.5 / STEP, minus(after, before));
+            let bend = scaled(1.0 / (STEP * STEP), minus(plus(after, before), scaled(2.0, now)));
+            let gap = |a: Vector, b: Vector| dot(minus(a, b), minus(a, b)).sqrt();
+            let rate_gap = gap(velocity(&state, body, now), rate);
+            assert!(rate_gap < DIFFERENCE, "velocity of site {site} is off by {rate_gap:e} of {rate:?}");
+            let bend_gap = gap(kinematics.bend(&state, body, now), bend);
+            assert!(bend_gap < DIFFERENCE, "bend of site {site} is off by {bend_gap:e} of {bend:?}");
+        }
+    }
+
+    #[test]
+    fn only_what_bodies_hang_on_is_looked_at() {
+        let model = model(TREE);
+        let chain = |body: c_int| {
+            Kinematics::new(&model, [body].into_iter()).chain.iter().map(|link| link.body).collect()
+        };
+        let (deep, other, world): (Vec<_>, Vec<_>, Vec<_>) = (chain(4), chain(5), chain(0));
+        assert_eq!((deep, other, world), (vec![1, 2, 3, 4], vec![5], vec![]));
+    }
+}

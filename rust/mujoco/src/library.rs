@@ -16,6 +16,8 @@ mod ffi;
 mod hook;
 mod jacobian;
 mod model;
+#[cfg(all(test, unix))]
+pub(crate) mod testing;
 
 use std::ffi::{CStr, CString, c_char, c_int};
 use std::sync::OnceLock;
@@ -117,3 +119,24 @@ macro_rules! arrays {
     };
 }
 use arrays;
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_library_that_is_not_there_is_named() {
+        for (path, part) in
+            [("nowhere.so", "'nowhere.so' is not loaded"), ("no\0where", "is no path of a library")]
+        {
+            let Err(Error::Library(message)) = resolve(path) else { panic!("{path}") };
+            assert!(message.contains(part), "{message}");
+        }
+    }
+
+    #[test]
+    fn versions_are_spelt_as_people_do() {
+        assert_eq!(spelt(4_000_001), "4.0.1");
+        assert_eq!(spelt(12_034_000), "12.34.0");
+    }
+}

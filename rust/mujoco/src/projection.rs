@@ -211,3 +211,85 @@ impl Projector {
         self.inertia.acceleration(data, &mut self.system, &self.multipliers, &mut self.qfrc, &mut self.step)
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use oarlock_core::{Options, make_solver};
+
+    use super::*;
+    use crate::library::testing::{data, model};
+
+    /// A bob of 2 kg on two slides, held by a rope of 1.5 m from the origin: x and z are relative to its place below.
+    const PENDULUM: &str = r#"<mujoco>
+      <option timestep="1e-3" integrator="RK4"><flag contact="disable"/></option>
+      <worldbody>
+        <site name="hook"/>
+        <body pos="0 0 -1.5">
+          <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+          <geom size=".1" mass="2"/><site name="bob"/>
+        </body>
+      </worldbody>
+      <tendon><spatial name="rope"><site site="hook"/><site site="bob"/></spatial></tendon>
+      <equality><tendon tendon1="rope"/>EXTRA</equality>
+    </mujoco>"#;
+
+    const LENGTH: f64 = 1.5;
+
+    /// Angle and speeds along and across the rope.
+    const ANGLE: f64 = 0.7;
+    const ALONG: f64 = 0.2;
+    const ACROSS: f64 = 1.1;
+
+    /// The pendulum with a rope too long by so much, projected with this trust.
+    fn projected(extra: &str, too_long: f64, trust: f64) -> (Data, Projection) {
+        let model = model(&PENDULUM.replace("EXTRA", extra));
+        let (sin, cos) = ANGLE.sin_cos();
+        let length = LENGTH + too_long;
+        let qvel = [ALONG * sin + ACROSS * cos, -ALONG * cos + ACROSS * sin];
+        let mut state = data(&model, &[length * sin, LENGTH - length * cos], &qvel);
+        let mut projector = Projector::new(&model, make_solver("pinv", &Options::new()).expect("registered"));
+        projector.project(&mut state, trust).expect("solvable");
+        (state, projector.last.expect("it has projected"))
+    }
+
+    /// Length of the rope and its angle, and speeds along and across it.
+    fn polar(data: &Data) -> [f64; 4] {
+        let (x, z) = (data.qpos()[0], data.qpos()[1] - LENGTH);
+        let (length, angle) = (x.hypot(z), x.atan2(-z));
+        let (sin, cos) = angle.sin_cos();
+        let [vx, vz] = [data.qvel()[0], data.qvel()[1]];
+        [length, angle, vx * sin - vz * cos, vx * cos + vz * sin]
+    }
+
+    #[track_caller]
+    fn assert_near(got: [f64; 4], expected: [f64; 4], tolerance: f64) {
+        let far = got.iter().zip(expected).any(|(got, expected)| (got - expected).abs() > tolerance);
+        assert!(!far, "{got:?}, not {expected:?}");
+    }
+
+    #[test]
+    fn the_nearest_point_of_a_circle_lies_along_its_radius_and_velocities_lose_what_leaves_it() {
+        for too_long in [1e-3, -1e-2] {
+            let (state, last) = projected("", too_long, 0.1);
+            assert_near(polar(&state), [LENGTH, ANGLE, 0.0, ACROSS], 1e-12);
+            assert_eq!(last.landing, Landing::Landed, "{last:?}");
+            let largest_part = too_long.abs() * ANGLE.sin().max(ANGLE.cos());
+            assert!((last.moved - largest_part).abs() < 1e-12, "{last:?}, not {largest_part}");
+        }
+    }
+
+    #[test]
+    fn what_is_farther_than_the_trust_is_left_as_it_was() {
+        let (state, last) = projected("", 0.01, 1e-3);
+        assert_near(polar(&state), [LENGTH + 0.01, ANGLE, ALONG, ACROSS], 1e-15);
+        assert_eq!((last.landing, last.rounds, last.moved), (Landing::TooFar, 0, 0.0));
+    }
+
+    #[test]
+    fn rows_that_contradict_one_another_are_met_half_way_and_stay_open() {
+        let other = r#"<tendon tendon1="rope" polycoef=".02 0 0 0 0"/>"#;
+        let (state, last) = projected(other, 0.0, 0.1);
+        assert_eq!(last.landing, Landing::Open, "{last:?}");
+        assert_near(polar(&state), [LENGTH + 0.01, ANGLE, 0.0, ACROSS], 1e-9);
+    }
+}

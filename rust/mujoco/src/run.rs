@@ -301,3 +301,149 @@ impl Run {
         self.experiment.snapshots()
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use crate::library::testing::model;
+
+    /// A walk that goes wrong when it is told to.
+    struct Scripted {
+        data: Data,
+        steps: Steps,
+        recorded: bool,
+        taken: usize,
+        /// Step whose integration fails, and the one that leads to no number.
+        fails: Option<usize>,
+        explodes: Option<usize>,
+    }
+
+    impl Experiment for Scripted {
+        fn unrecorded(&mut self) {
+            self.recorded = false;
+        }
+
+        fn look(&mut self) -> Result<(), Error> {
+            self.data.position_stage()
+        }
+
+        fn record(&mut self, step: usize) -> Result<(), Error> {
+            assert!(self.recorded && step == self.taken, "step {step} after {}", self.taken);
+            self.steps.step.push(i64::try_from(step).expect("few"));
+            self.steps.time_s.push(self.data.time());
+            Ok(())
+        }
+
+        fn step(&mut self) -> Result<(), Error> {
+            if self.fails == Some(self.taken) {
+                return Err(Error::Refused("as it was told to".to_owned()));
+            }
+            if self.explodes == Some(self.taken) {
+                self.data.qpos_mut()[0] = f64::NAN;
+            }
+            self.taken += 1;
+            let time = self.data.time();
+            self.data.set_time(time + 0.5);
+            Ok(())
+        }
+
+        fn finish(&mut self, step_us: f64) -> Result<(), Error> {
+            self.steps.step_us.push(step_us);
+            Ok(())
+        }
+
+        fn data(&self) -> &Data {
+            &self.data
+        }
+
+        fn tables(&mut self) -> Vec<&mut Steps> {
+            vec![&mut self.steps]
+        }
+
+        fn snapshots(&mut self) -> Vec<Snapshot> {
+            Vec::new()
+        }
+    }
+
+    const SLIDE: &str =
+        r#"<mujoco><worldbody><body><joint type="slide"/><geom size=".1"/></body></worldbody></mujoco>"#;
+
+    fn scripted(steps: usize, fails: Option<usize>, explodes: Option<usize>) -> Run {
+        let data = Data::new(&model(SLIDE)).expect("memory");
+        Run::new(Scripted { data, steps: Steps::default(), recorded: true, taken: 0, fails, explodes }, steps)
+    }
+
+    /// Numbers of the steps that were written down since the last call; every column has as many rows.
+    fn written(run: &mut Run) -> Vec<i64> {
+        let table = run.take_tables().remove(0);
+        let mut numbers = Vec::new();
+        for (name, column) in &table {
+            match column {
+                Column::Int(values) => numbers.clone_from(values),
+                Column::Float { values, .. } => assert_eq!(values.len(), numbers.len(), "{name}"),
+                _ => panic!("{name}"),
+            }
+        }
+        numbers
+    }
+
+    #[test]
+    fn a_run_is_taken_in_portions_and_ends_where_it_was_to_end() {
+        let mut run = scripted(5, None, None);
+        assert_eq!((run.advance(2), written(&mut run)), (2, vec![0, 1]));
+        assert_eq!(run.advance(1) + run.advance(1), 2);
+        assert_eq!(written(&mut run), [2, 3]);
+        assert_eq!((run.advance(10), written(&mut run)), (1, vec![4]));
+        assert_eq!((run.advance(10), run.take_tables()), (0, vec![vec![]]));
+        assert_eq!((run.end(), run.data().time()), (None, 2.5));
+    }
+
+    #[test]
+    fn a_step_that_fails_half_way_leaves_no_row_and_ends_the_run() {
+        let mut run = scripted(5, Some(3), None);
+        assert_eq!((run.advance(2), written(&mut run)), (2, vec![0, 1]));
+        assert_eq!((run.advance(5), written(&mut run)), (1, vec![2]));
+        let error = Some(Error::Refused("as it was told to".to_owned()));
+        assert_eq!(run.end(), Some(&End { step: 3, time: 1.5, error }));
+        assert_eq!((run.advance(5), run.take_tables()), (0, vec![vec![]]));
+    }
+
+    #[test]
+    fn a_state_without_numbers_ends_the_run_after_the_row_of_its_step() {
+        let mut run = scripted(5, None, Some(1));
+        assert_eq!((run.advance(5), written(&mut run)), (2, vec![0, 1]));
+        assert_eq!(run.end(), Some(&End { step: 1, time: 1.0, error: None }));
+    }
+
+    #[test]
+    fn a_walk_writes_nothing_down_and_says_what_ended_it() {
+        let mut run = scripted(5, None, None);
+        assert_eq!((run.walk(), run.take_tables()), (Ok(()), vec![vec![]]));
+        assert_eq!((run.advance(1), run.data().time()), (0, 2.5));
+        assert_eq!(scripted(5, Some(2), None).walk(), Err(Error::Refused("as it was told to".to_owned())));
+    }
+
+    #[test]
+    fn many_runs_go_on_each_for_itself() {
+        let mut runs = [scripted(3, None, None), scripted(9, None, None), scripted(9, Some(1), None)];
+        let taken = advance_all(&mut runs.iter_mut().collect::<Vec<_>>(), 4);
+        assert_eq!(taken, [3, 4, 1]);
+        assert_eq!(runs.map(|run| run.end().is_some()), [false, false, true]);
+    }
+
+    #[test]
+    fn a_start_of_another_size_is_refused_with_both() {
+        let setup = Setup {
+            model: model(SLIDE),
+            drive: Drive::default(),
+            qpos: vec![0.0; 2],
+            qvel: vec![0.0],
+            baumgarte: Baumgarte::default(),
+            observed: None,
+            conserved: false,
+            snapshots: Vec::new(),
+        };
+        let refused = setup.data().err().expect("another size").to_string();
+        assert_eq!(refused, "the start has 2 positions and 1 velocities, expected 1 and 1");
+    }
+}

@@ -144,3 +144,107 @@ impl State {
         self.inertia.acceleration(data, system, multipliers, qfrc, qacc)
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use oarlock_core::{Options, make_solver};
+
+    use super::*;
+    use crate::force::{ForceLaw, SolvedForce};
+    use crate::library::testing::{data, model};
+
+    /// A bob of 2 kg on two slides, held by a rope of 1.5 m from the origin: x and z are relative to its place below.
+    const PENDULUM: &str = r#"<mujoco>
+      <option timestep="1e-3" integrator="RK4"><flag contact="disable"/></option>
+      <worldbody>
+        <site name="hook"/>
+        <body pos="0 0 -1.5">
+          <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+          <geom size=".1" mass="2"/><site name="bob"/>
+        </body>
+      </worldbody>
+      <tendon><spatial name="rope"><site site="hook"/><site site="bob"/></spatial></tendon>
+      <equality><tendon tendon1="rope"/></equality>
+    </mujoco>"#;
+
+    const LENGTH: f64 = 1.5;
+    const MASS: f64 = 2.0;
+    const GRAVITY: f64 = 9.81;
+
+    #[test]
+    fn a_pendulum_on_a_rope_has_the_acceleration_and_the_tension_of_the_closed_form() {
+        let model = model(PENDULUM);
+        for (angle, rate) in [(0.0, 0.0), (0.7, -1.3), (2.5, 4.0)] {
+            let (sin, cos) = f64::sin_cos(angle);
+            let qpos = [LENGTH * sin, LENGTH - LENGTH * cos];
+            let qvel = [LENGTH * rate * cos, LENGTH * rate * sin];
+            let mut state = data(&model, &qpos, &qvel);
+            let solver = make_solver("auto", &Options::new()).expect("registered");
+            let mut force = SolvedForce::new(
+                State::new(&model, Baumgarte::default()).expect("a tendon"),
+                Form::Hard,
+                solver,
+                2,
+            );
+            force.apply(&mut state).expect("solvable");
+
+            let turn = -GRAVITY / LENGTH * sin;
+            let expected =
+                [LENGTH * (turn * cos - rate * rate * sin), LENGTH * (turn * sin + rate * rate * cos)];
+            for (got, expected) in state.qacc().iter().zip(expected) {
+                assert!((got - expected).abs() < 1e-10, "at {angle}: {:?}, not {expected:?}", state.qacc());
+            }
+            // The multiplier of a rope that pulls is negative: it acts along the gradient of the length.
+            let tension = MASS * (GRAVITY * cos + LENGTH * rate * rate);
+            assert!(
+                (force.answer.multipliers[0] + tension).abs() < 1e-10,
+                "{:?}, not {tension}",
+                force.answer
+            );
+        }
+    }
+
+    #[test]
+    fn baumgartes_terms_ask_for_the_return_of_what_is_open() {
+        // At rest straight below and 0.01 m too long: r̈ = −k r − 2β ṙ.
+        let model = model(PENDULUM);
+        let mut state = data(&model, &[0.0, -0.01], &[0.0, -0.1]);
+        let solver = make_solver("pinv", &Options::new()).expect("registered");
+        let terms = Baumgarte { beta: 3.0, k: 50.0 };
+        let mut force = SolvedForce::new(State::new(&model, terms).expect("a tendon"), Form::Hard, solver, 2);
+        force.apply(&mut state).expect("solvable");
+        let expected = 50.0 * 0.01 + 2.0 * 3.0 * 0.1;
+        assert!((state.qacc()[1] - expected).abs() < 1e-10, "{:?}, not {expected}", state.qacc());
+    }
+
+    #[test]
+    fn contacts_are_told_with_their_time() {
+        let model = model(
+            r#"<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+              <body pos="0 0 .05"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"#,
+        );
+        let mut touching = data(&model, model.qpos0(), &[0.0; 6]);
+        touching.set_time(0.25);
+        let read = State::new(&model, Baumgarte::default()).expect("no equalities").read(&mut touching);
+        assert_eq!(read, Err(Error::Inequalities { time: 0.25 }));
+    }
+
+    #[test]
+    fn j_is_the_same_dense_and_in_compressed_rows() {
+        let kept = |kind: &str| {
+            let model = model(&PENDULUM.replace("<option ", &format!(r#"<option jacobian="{kind}" "#)));
+            let state = data(&model, &[0.3, 0.1], &[1.0, -0.5]);
+            let mut jacobian = Jacobian::default();
+            jacobian.read(&state);
+            (model.is_sparse(), jacobian.entries().to_vec())
+        };
+        let ((dense, entries), (sparse, same)) = (kept("dense"), kept("sparse"));
+        assert_eq!((dense, sparse), (false, true));
+        assert_eq!(entries, same);
+        // The direction of the rope.
+        let length = f64::hypot(0.3, 0.1 - LENGTH);
+        for (entry, expected) in entries.iter().zip([0.3 / length, (0.1 - LENGTH) / length]) {
+            assert!((entry - expected).abs() < 1e-15, "{entries:?}");
+        }
+    }
+}

@@ -214,3 +214,68 @@ steps! {
     /// What an outside truth speaks of: a coordinate, or the place of a site.
     observed: Lists => list;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// So many rows, with a column of every kind.
+    fn rows(count: i64) -> Steps {
+        let mut steps = Steps::default();
+        for step in 0..count {
+            steps.step.push(step);
+            steps.time_s.push(0.5 * step as f64);
+            steps.inconsistency.push(f64::NAN);
+            steps.status.push(if step == 1 { "breakdown" } else { "converged" });
+            steps.multipliers.push(&[1.0, 2.0, 3.0][..=usize::try_from(step % 3).expect("small")]);
+        }
+        steps
+    }
+
+    #[test]
+    fn columns_are_taken_by_name_with_nothing_left_behind() {
+        let mut steps = rows(4);
+        let columns = steps.take();
+        let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
+        assert_eq!(names, ["step", "time_s", "status", "inconsistency", "multipliers"]);
+        assert_eq!(columns[0].1, Column::Int(vec![0, 1, 2, 3]));
+        assert_eq!(columns[1].1, Column::Float { values: vec![0.0, 0.5, 1.0, 1.5], nullable: false });
+        assert_eq!(
+            columns[2].1,
+            Column::Text { words: vec!["converged", "breakdown"], codes: vec![0, 1, 0, 0] }
+        );
+        assert!(matches!(&columns[3].1, Column::Float { values, nullable: true } if values.len() == 4));
+        let values = vec![1.0, 1.0, 2.0, 1.0, 2.0, 3.0, 1.0];
+        assert_eq!(columns[4].1, Column::List { values, lengths: vec![1, 2, 3, 1] });
+        assert_eq!(steps, Steps::default());
+        assert!(steps.take().is_empty());
+    }
+
+    #[test]
+    fn a_row_that_was_begun_is_forgotten_in_every_column() {
+        let mut steps = rows(3);
+        steps.step.push(3);
+        steps.status.push("converged");
+        steps.multipliers.push(&[4.0]);
+        steps.truncate(3);
+        let shorter = |count: usize| {
+            let mut steps = rows(3);
+            steps.truncate(count);
+            // NaN is not itself.
+            steps.inconsistency.clear();
+            steps
+        };
+        steps.inconsistency.clear();
+        assert_eq!(steps, shorter(3));
+        assert_eq!(shorter(2).multipliers, rows(2).multipliers);
+        assert_eq!(shorter(0).multipliers, Lists::default());
+    }
+
+    #[test]
+    fn room_is_no_row() {
+        let mut steps = rows(2);
+        steps.reserve(1000);
+        assert!(steps.multipliers.values.capacity() >= 2000 && steps.step.capacity() >= 1000);
+        assert_eq!(steps.take().len(), 5);
+    }
+}

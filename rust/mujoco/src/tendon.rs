@@ -299,3 +299,99 @@ fn wrapped_geom(model: &Model, place: usize) -> Geom {
         side: (0..model.site_bodyid().len()).find(|&site| (site as f64 - side).abs() < 0.5),
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::library::testing::{data, model, moved, somewhere};
+
+    /// Step of a second difference over five points, s: its error is of fourth order, 1e-12, and rounding over its square 1e-9.
+    const STEP: f64 = 1e-3;
+
+    /// Both, times derivatives that grow as a rope comes near the centre of a sphere.
+    const DIFFERENCE: f64 = 1e-7;
+
+    /// Two free bodies at given places, a third one between them that the tendon may wrap, and the tendon.
+    fn with(places: [&str; 2], geom: &str, side: &str, path: &str) -> Arc<Model> {
+        let [left, right] = places;
+        model(&format!(
+            r#"<mujoco>
+              <option><flag contact="disable"/></option>
+              <worldbody>
+                <body pos="{left}"><freejoint/><geom size=".1"/><site name="left"/></body>
+                <body pos="{right}"><freejoint/><geom size=".1"/><site name="right"/></body>
+                <body><freejoint/><geom name="drum" {geom}/><site name="side" pos="{side}"/><site name="rim" pos="0 0 .1"/></body>
+              </worldbody>
+              <tendon><spatial name="rope">{path}</spatial></tendon>
+            </mujoco>"#
+        ))
+    }
+
+    const SPHERE: &str = r#"type="sphere" size=".3""#;
+    const CYLINDER: &str = r#"type="cylinder" size=".3 .5" euler="10 20 0""#;
+    const STRAIGHT: &str = r#"<site site="left"/><site site="right"/>"#;
+    const OVER: &str = r#"<site site="left"/><geom geom="drum"/><site site="right"/>"#;
+    const BESIDE: &str = r#"<site site="left"/><geom geom="drum" sidesite="side"/><site site="right"/>"#;
+    const APART: [&str; 2] = ["-1 .2 0", "1 .15 .1"];
+
+    fn bend(data: &Data) -> Result<f64, Error> {
+        let tendon = Tendon::new(data.model(), 0);
+        let mut kinematics = Kinematics::new(data.model(), tendon.bodies());
+        kinematics.read(data);
+        tendon.bend(data, &kinematics)
+    }
+
+    #[test]
+    fn bend_is_the_second_derivative_of_the_length_without_accelerations() {
+        let hoist = r#"<site site="left"/><site site="rim"/><pulley divisor="2"/><site site="rim"/><site site="right"/>"#;
+        for (name, geom, side, path, wraps) in [
+            ("straight", SPHERE, "0 .5 0", STRAIGHT, false),
+            ("pulley", SPHERE, "0 .5 0", hoist, false),
+            ("sphere", SPHERE, "0 .5 0", OVER, true),
+            ("sphere with a side", SPHERE, "0 0 .5", BESIDE, true),
+            ("cylinder", CYLINDER, "0 .5 0", OVER, true),
+            ("cylinder with a side", CYLINDER, "0 .5 0", BESIDE, true),
+        ] {
+            let model = with(APART, geom, side, path);
+            let (_, qvel) = somewhere(&model);
+            let qpos = moved(&model, model.qpos0(), &qvel, 0.05);
+            let length = |time: f64| data(&model, &moved(&model, &qpos, &qvel, time), &qvel).ten_length()[0];
+            let [first, before, now, after, last] =
+                [-2.0, -1.0, 0.0, 1.0, 2.0].map(|steps| length(steps * STEP));
+            let difference = (16.0 * (before + after) - 30.0 * now - first - last) / (12.0 * STEP * STEP);
+            let state = data(&model, &qpos, &qvel);
+            let ends = minus(at(state.site_xpos(), 0), at(state.site_xpos(), 1));
+            let direct = dot(ends, ends).sqrt();
+            assert!(
+                !wraps || now > 1.001 * direct,
+                "{name} does not wrap: {now} m, {direct} m from end to end"
+            );
+            let bend = bend(&state).expect(name);
+            assert!((bend - difference).abs() < DIFFERENCE, "{name}: {bend} m/s², not {difference}");
+        }
+    }
+
+    #[test]
+    fn what_has_no_second_derivative_is_refused_by_name() {
+        let refused = |model: &Arc<Model>| {
+            let (_, qvel) = somewhere(model);
+            let error =
+                bend(&data(model, model.qpos0(), &qvel)).expect_err("no second derivative").to_string();
+            assert!(error.contains("tendon 'rope'"), "{error}");
+            error
+        };
+        let together = refused(&with(["0 0 1", "0 0 1"], SPHERE, "0 .5 0", STRAIGHT));
+        assert!(together.contains("length 0"), "{together}");
+        let inside = refused(&with(["-1 .5 0", "1 .5 0"], CYLINDER, "0 .1 0", BESIDE));
+        assert!(inside.contains("wraps inside geom 'drum'"), "{inside}");
+    }
+
+    #[test]
+    fn a_path_between_points_of_one_body_does_not_bend() {
+        let model = with(APART, SPHERE, "0 .5 0", r#"<site site="side"/><site site="rim"/>"#);
+        let (qpos, qvel) = somewhere(&model);
+        assert_eq!(bend(&data(&model, &qpos, &qvel)), Ok(0.0));
+    }
+}

@@ -104,5 +104,34 @@ mod tests {
     fn algebra() {
         assert_eq!(cross([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), [0.0, 0.0, 1.0]);
         assert_eq!(horner(&[1.0, 2.0, 3.0], 2.0), 17.0);
+        assert_eq!(
+            minus(plus([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]), scaled(2.0, [1.0, 1.0, 1.0])),
+            [3.0, 5.0, 7.0]
+        );
+        assert_eq!(at(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], 1), [4.0, 5.0, 6.0]);
+        assert_eq!(norm(&[2.0, 3.0, 6.0]), 7.0);
+        let mut product = [0.0; 2];
+        times(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], &[1.0, 0.0, -1.0], &mut product);
+        assert_eq!(product, [-2.0, -2.0]);
+    }
+
+    #[test]
+    #[allow(clippy::float_cmp)]
+    fn differences_are_relative_to_what_is_there() {
+        assert_eq!(relative_difference(&[3.0, 4.5], &[3.0, 4.0]), 0.1);
+        assert_eq!(relative_difference(&[3.0, 4.0], &[0.0, 0.0]), 5.0);
+        assert!(relative_difference(&[f64::NAN], &[1.0]).is_nan());
+    }
+
+    #[test]
+    #[allow(clippy::float_cmp)]
+    fn the_largest_magnitude_of_a_list_with_a_nan_is_that_nan() {
+        assert_eq!(largest(&[]), 0.0);
+        assert_eq!(largest(&[1.0, -3.0, 2.0]), 3.0);
+        for place in 0..3 {
+            let mut values = [1.0, -3.0, 2.0];
+            values[place] = f64::NAN;
+            assert!(largest(&values[..=place]).is_nan(), "at the end");
+        }
     }
 }

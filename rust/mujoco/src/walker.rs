@@ -203,3 +203,91 @@ fn rotation_vector_rate(vector: Vector, omega: Vector) -> Vector {
     let first = cross(vector, omega);
     plus(plus(omega, scaled(0.5, first)), scaled(bend, cross(vector, first)))
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use crate::force::MujocoForce;
+    use crate::library::testing::{data, model};
+    use crate::vectors::{minus, norm};
+
+    /// A product of quaternions.
+    fn compose([a, b, c, d]: [f64; 4], [e, f, g, h]: [f64; 4]) -> [f64; 4] {
+        [
+            a * e - b * f - c * g - d * h,
+            a * f + b * e + c * h - d * g,
+            a * g - b * h + c * e + d * f,
+            a * h + b * g - c * f + d * e,
+        ]
+    }
+
+    /// The rotation by a rotation vector.
+    fn exponential(vector: Vector) -> [f64; 4] {
+        let half = 0.5 * norm(&vector);
+        let [x, y, z] = scaled(if half > 0.0 { 0.5 * half.sin() / half } else { 0.5 }, vector);
+        [half.cos(), x, y, z]
+    }
+
+    #[test]
+    fn a_rotation_vector_changes_at_the_rate_that_turns_its_rotation_with_omega() {
+        const STEP: f64 = 1e-6;
+        let omega = [0.7, -1.1, 0.4];
+        for vector in [[0.0; 3], [3e-5, -2e-5, 1e-5], [0.3, 0.2, -0.1], [1.0, -2.0, 0.5]] {
+            let moved = plus(vector, scaled(STEP, rotation_vector_rate(vector, omega)));
+            let turned = compose(exponential(vector), exponential(scaled(STEP, omega)));
+            let gap = largest(&exponential(moved).iter().zip(turned).map(|(a, b)| a - b).collect::<Vec<_>>());
+            // Of second order in the step.
+            assert!(gap < 4.0 * STEP * STEP, "{vector:?}: off by {gap:e}");
+        }
+    }
+
+    /// A box that spins about its middle, m² kg: its moments are 8/3 (b² + c²) a b c ρ …, so momentum is what counts.
+    const SPINNING: &str = r#"<mujoco>
+      <option timestep="TIMESTEP" integrator="RK4" gravity="0 0 0"/>
+      <worldbody><body><joint type="ball"/><geom type="box" size=".1 .2 .4"/><inertial pos="0 0 0" mass="1" diaginertia="1 2 2.5"/></body></worldbody>
+    </mujoco>"#;
+
+    /// How far a free body's angular momentum (kg m²/s) in world axes has gone after 1 s, where it stands still.
+    fn lost(timestep: f64) -> f64 {
+        let model = model(&SPINNING.replace("TIMESTEP", &timestep.to_string()));
+        let state = data(&model, &[1.0, 0.0, 0.0, 0.0], &[1.0, 2.0, 0.5]);
+        let mut walker =
+            ForcedWalker::new(state, Drive::default(), MujocoForce::new(3), None).expect("no activations");
+        let momentum = |data: &Data| {
+            let [w, x, y, z] = [data.qpos()[0], data.qpos()[1], data.qpos()[2], data.qpos()[3]];
+            let spin = [data.qvel()[0], 2.0 * data.qvel()[1], 2.5 * data.qvel()[2]];
+            let axis = [x, y, z];
+            let twice = scaled(2.0, cross(axis, spin));
+            plus(plus(spin, scaled(w, twice)), cross(axis, twice))
+        };
+        let before = momentum(&walker.data);
+        while walker.data.time() < 1.0 - 0.5 * timestep {
+            walker.look().expect("a state");
+            walker.step().expect("a step");
+        }
+        norm(&minus(momentum(&walker.data), before))
+    }
+
+    #[test]
+    fn a_spinning_body_keeps_its_momentum_to_the_fourth_order() {
+        let (coarse, fine) = (lost(0.02), lost(0.01));
+        assert!(coarse < 1e-5, "{coarse:e}");
+        let order = (coarse / fine).log2();
+        assert!(order > 3.7, "of order {order:.2}: {coarse:e}, {fine:e}");
+    }
+
+    #[test]
+    fn activations_are_refused_with_runge_kutta() {
+        let model = model(
+            r#"<mujoco><option integrator="RK4"/><worldbody><body><joint name="j"/><geom size=".1" pos=".1 0 0"/></body></worldbody>
+              <actuator><general joint="j" dyntype="filter" dynprm="1"/></actuator></mujoco>"#,
+        );
+        let state = data(&model, model.qpos0(), &[0.0]);
+        let refused =
+            ForcedWalker::new(state, Drive::default(), MujocoForce::new(1), None).err().expect("refused");
+        assert!(
+            refused.to_string().contains("1 actuator activation(s), expected none with rk4"),
+            "{refused}"
+        );
+    }
+}
