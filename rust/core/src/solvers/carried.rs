@@ -7,6 +7,9 @@ use crate::problem::Problem;
 use crate::solvers::eigen::SymmetricEigen;
 use crate::solvers::solver::State;
 
+/// Fields of a saved state.
+pub(crate) const FIELDS: [&str; 2] = ["inverse", "least"];
+
 /// How far ‖x‖ may exceed the bound ‖b‖ / λ⁺ of the minimum-norm solution before a solve counts as broken down. A
 /// turning null space alone doubles ‖x‖ on the boat; 100 leaves room for λ⁺ to have changed since it was computed.
 pub(crate) const GROWTH_LIMIT: f64 = 100.0;
@@ -212,16 +215,17 @@ impl Iterate {
     }
 }
 
-/// Checks the part of a saved state that holds H.
+/// Checks the part of a saved state that holds H, and that of its other fields all are `known`.
 ///
 /// # Errors
 /// [`Error::State`].
-pub(crate) fn check_state(state: &State, solver: &'static str) -> Result<(), Error> {
+pub(crate) fn check_state(state: &State, solver: &'static str, known: &[&str]) -> Result<(), Error> {
     if state.fields.is_empty() {
         return state.check(solver, &[]);
     }
     if state.size == 0 {
         return Err(Error::State { solver, reason: "it has fields for size 0".to_owned() });
     }
-    state.check(solver, &[("inverse", state.size.saturating_mul(state.size)), ("least", 1)])
+    state.check(solver, &[("inverse", state.size.saturating_mul(state.size)), ("least", 1)])?;
+    state.check_names(solver, known)
 }

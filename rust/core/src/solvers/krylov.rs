@@ -264,15 +264,12 @@ impl<M: Method> Solver for Krylov<M> {
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
-        let kept = state.fields.contains_key("x");
-        state.check(M::NAME, &[("x", if kept { state.size } else { 0 })])?;
-        state.check_names(M::NAME, &["x"])?;
-        self.kept = false;
-        if kept {
-            self.resize(state.size);
-            self.kept = true;
-            self.x.copy_from_slice(state.field("x"));
+        let last = state.last_x(M::NAME)?;
+        if let Some(x) = last {
+            self.resize(x.len());
+            self.x.copy_from_slice(x);
         }
+        self.kept = last.is_some();
         Ok(())
     }
 }

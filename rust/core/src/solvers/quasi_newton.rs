@@ -28,7 +28,7 @@ use crate::info::{Info, Status};
 use crate::linalg::kernels::{axpy, dot, gemv, norm, rank_one, rank_two};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem};
-use crate::solvers::carried::{CarriedInverse, Iterate, check_state};
+use crate::solvers::carried::{CarriedInverse, FIELDS, Iterate, check_state};
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::solver::{Solver, State};
 
@@ -245,8 +245,7 @@ impl<U: Update> Solver for QuasiNewton<U> {
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
-        check_state(state, U::NAME)?;
-        state.check_names(U::NAME, &["inverse", "least"])?;
+        check_state(state, U::NAME, &FIELDS)?;
         if !state.fields.is_empty() {
             self.resize(state.size);
         }

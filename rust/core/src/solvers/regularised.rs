@@ -238,15 +238,12 @@ impl Solver for Regularised {
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
-        let kept = state.fields.contains_key("x");
-        state.check(RegularisedParams::SOLVER, &[("x", if kept { state.size } else { 0 })])?;
-        state.check_names(RegularisedParams::SOLVER, &["x"])?;
-        self.kept = false;
-        if kept {
-            self.resize(state.size);
-            self.kept = true;
-            self.x.copy_from_slice(state.field("x"));
+        let last = state.last_x(RegularisedParams::SOLVER)?;
+        if let Some(x) = last {
+            self.resize(x.len());
+            self.x.copy_from_slice(x);
         }
+        self.kept = last.is_some();
         Ok(())
     }
 }

@@ -150,6 +150,17 @@ impl State {
         self.fields.get(name).map_or(&[], Vec::as_slice)
     }
 
+    /// The x of the last solve, if it was saved, of a state that holds nothing else.
+    ///
+    /// # Errors
+    /// [`Error::State`] if it is another solver's or not whole.
+    pub(crate) fn last_x(&self, solver: &'static str) -> Result<Option<&[f64]>, Error> {
+        let kept = self.fields.contains_key("x");
+        self.check(solver, &[("x", if kept { self.size } else { 0 })])?;
+        self.check_names(solver, &["x"])?;
+        Ok(kept.then(|| self.field("x")))
+    }
+
     /// A whole number in `range` that was saved as a float.
     ///
     /// # Errors

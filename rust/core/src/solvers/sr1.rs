@@ -35,7 +35,7 @@ use crate::info::Info;
 use crate::linalg::kernels::{axpy, dot, gemv, norm, rank_one};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem};
-use crate::solvers::carried::{CarriedInverse, Iterate, check_state};
+use crate::solvers::carried::{CarriedInverse, FIELDS, Iterate, check_state};
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::solver::{Solver, State};
 
@@ -212,8 +212,7 @@ impl Solver for Sr1 {
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
-        check_state(state, Sr1Params::SOLVER)?;
-        state.check_names(Sr1Params::SOLVER, &["inverse", "least"])?;
+        check_state(state, Sr1Params::SOLVER, &FIELDS)?;
         if !state.fields.is_empty() {
             self.resize(state.size);
         }

@@ -425,8 +425,7 @@ impl Solver for Tracked {
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Error> {
-        check_state(state, TrackedParams::SOLVER)?;
-        state.check_names(TrackedParams::SOLVER, &FIELDS)?;
+        check_state(state, TrackedParams::SOLVER, &FIELDS)?;
         let n = if state.fields.is_empty() { 0 } else { state.size };
         let mut restored = Self::sized(self.params, n);
         if n > 0 {
