@@ -211,15 +211,17 @@ def open_mujoco(path: str) -> None:
 def advance_all(runs: list[Run], steps: int) -> list[int]:
     """Goes on with many runs by so many steps each, on all cores; gives the number of steps that each took."""
 
-def make_solver(name: str, **options: float) -> MultiplierSolver:
-    """Makes a solver by its name, with options as numbers: ``make_solver("sr1", eps_abs=1e-7)``.
+def make_solver(name: str, **options: float | int | bool) -> MultiplierSolver:
+    """Makes a solver by its name, with options as numbers and switches: ``make_solver("sr1", eps_abs=1e-7)``.
+
+    A whole number may be given as an int or a float, a switch as a bool, 0 or 1.
 
     Raises:
         InputError: unknown name or option, or a value out of range.
     """
 
-def solvers() -> dict[str, tuple[str, dict[str, float]]]:
-    """Every solver: {name: (summary, {option: default})}."""
+def solvers() -> dict[str, tuple[str, dict[str, float | int | bool]]]:
+    """Every solver: {name: (summary, {option: default})}; a default is of its option's kind, float, int or bool."""
 
 def bench_sizes() -> list[int]:
     """Sizes of the published table of solvers side by side."""

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oarlock import make_solver
 from oarlock._core import ConstrainedSystem, InputError
-from oarlock.stepping.solvers import solver_names
+from oarlock.stepping.solvers import SolverSpec, solver_names
 from tolerances import SOLVE_RESIDUAL
 
 A = np.diag([1.0, 2.0, 0.0])
@@ -238,6 +238,43 @@ def test_bad_options_are_named(name, options, message):
 def test_options_are_numbers():
     with pytest.raises(TypeError):
         make_solver("sr1", eps_abs="small")  # pyright: ignore[reportArgumentType]
+
+
+def test_defaults_are_of_the_kinds_of_their_options():
+    expected = {"max_iterations": 500, "rtol": 1e-10, "warm": True}
+    defaults = _core.solvers()["cg"][1]
+    assert defaults == expected
+    assert {option: type(value) for option, value in defaults.items()} == {
+        option: type(value) for option, value in expected.items()
+    }
+
+
+@pytest.mark.parametrize(
+    "options", [{"max_iterations": 7, "warm": False}, {"max_iterations": 7.0, "warm": 0}, {"rtol": 1, "warm": 1.0}]
+)
+def test_numbers_may_be_of_another_kind(options):
+    assert make_solver("cg", **options).name == "cg"
+
+
+@pytest.mark.parametrize(("option", "value"), [("rtol", True), ("max_iterations", True), ("warm", 2)])
+def test_a_switch_is_no_number(option, value):
+    with pytest.raises(InputError, match=f"option {option} = {str(value).lower()} of solver 'cg', expected a "):
+        make_solver("cg", **{option: value})
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("sr1-tracked:predict=5", "sr1-tracked:predict=5"),
+        ("sr1-tracked:predict=5.0,rtol=1", "sr1-tracked:predict=5,rtol=1.0"),
+        ("cg:max_iterations=1e2,warm=true", "cg:max_iterations=100,warm=1"),
+        ("cg:warm=0", "cg:warm=0"),
+        ("cg:warm=false", "cg:warm=0"),
+    ],
+)
+def test_a_solver_is_called_the_same_however_its_options_are_written(text, name):
+    assert str(SolverSpec.parse(text)) == name
+    assert SolverSpec.parse(name) == SolverSpec.parse(text)
 
 
 def test_one_exception_catches_all_bad_input():

@@ -6,13 +6,16 @@ from oarlock.base.errors import InputError
 
 Number = int | float
 
+_SWITCHES = {"true": True, "false": False}
 
-def split_options(text: str, what: str) -> tuple[str, dict[str, Number]]:
-    """Name and options of a specification; an integer stays one.
+
+def split_options(text: str, what: str, switches: bool = False) -> tuple[str, dict[str, Number]]:
+    """Splits a specification into its name and options; an integer stays one.
 
     Args:
         text: ``NAME`` or ``NAME:key=value,…``.
         what: what an option is called in a message, such as ``solver option``.
+        switches: whether ``true`` and ``false`` are values, too.
 
     Raises:
         InputError: an option that is not key=number, or one that is given twice.
@@ -24,7 +27,7 @@ def split_options(text: str, what: str) -> tuple[str, dict[str, Number]]:
     for item in filter(None, rest.split(",")):
         key, equals, value = (part.strip() for part in item.partition("="))
         try:
-            number = _number(value)
+            number = _SWITCHES[value] if switches and value in _SWITCHES else _number(value)
         except ValueError:
             number = None
         if number is None or not equals or not key:
@@ -47,6 +50,7 @@ def _number(text: str) -> Number:
 
 
 def join_options(name: str, options: dict[str, Number]) -> str:
-    """The specification that ``split_options`` reads."""
-    joined = ",".join(f"{key}={value!r}" for key, value in options.items())
+    """Joins a name and options to the specification that ``split_options`` reads; a switch is 0 or 1."""
+    values = {key: int(value) if isinstance(value, bool) else value for key, value in options.items()}
+    joined = ",".join(f"{key}={value!r}" for key, value in values.items())
     return f"{name}:{joined}" if joined else name

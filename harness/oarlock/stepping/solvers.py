@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from oarlock.base import core
 from oarlock.base.errors import InputError, choose
-from oarlock.base.options import join_options, split_options
+from oarlock.base.options import Number, join_options, split_options
 
 MUJOCO = "mujoco"
 """Stands among the solvers for MuJoCo itself, in free runs and as a walker."""
@@ -28,24 +28,24 @@ class SolverSpec:
     """A solver with options, as written: ``sr1:eps_abs=1e-7,max_iterations=20``."""
 
     name: str
-    options: tuple[tuple[str, float], ...] = ()
+    options: tuple[tuple[str, Number], ...] = ()
 
     @classmethod
     def parse(cls, text: str) -> "SolverSpec":
-        """Reads a specification.
+        """Reads a specification; each value becomes one of its option's kind, so that a solver has one name.
 
         Raises:
             InputError: unknown solver or option, or a value that is not a number or out of range.
         """
-        name, given = split_options(text, "solver option")
+        name, given = split_options(text, "solver option", switches=True)
         choose("solver", name, [MUJOCO, *solver_names()])
-        options = [(key, float(value)) for key, value in given.items()]
-        spec = cls(name, tuple(options))
-        if name == MUJOCO and options:
-            raise InputError(f"'{text}': MuJoCo takes no options here, its settings come from the case")
-        if name != MUJOCO:
-            spec.make()
-        return spec
+        if name == MUJOCO:
+            if given:
+                raise InputError(f"'{text}': MuJoCo takes no options here, its settings come from the case")
+            return cls(name)
+        core.make_solver(name, **given)
+        defaults = core.solvers()[name][1]
+        return cls(name, tuple((key, type(defaults[key])(value)) for key, value in given.items()))
 
     def __str__(self) -> str:
         return join_options(self.name, dict(self.options))
