@@ -8,7 +8,7 @@ from oarlock.base.core import InputError
 __all__ = ["DiskError", "InputError", "RefusedError", "choose", "few", "one_line"]
 
 _NAMED = 4
-"""So many things a message names; of more it gives the number."""
+"""Names in a message at most; of more only their number is given."""
 
 
 class RefusedError(InputError):
@@ -38,7 +38,14 @@ def choose(what: str, name: str, valid: Sequence[Name]) -> Name:
     return next(one for one in valid if one == name)
 
 
-def few(names: Sequence[str], last: str = "and") -> str:
-    """Names for a message, ``a, b and c``; of many the first ones and how many more there are."""
-    named = [*names[:_NAMED], *([f"{len(names) - _NAMED} more"] if len(names) > _NAMED else [])]
-    return f" {last} ".join(filter(None, [", ".join(named[:-1]), *named[-1:]]))
+def few(names: Sequence[str], last: str = "and", most: int = _NAMED) -> str:
+    """Joins names for a message, ``a, b and c``; of many the first ones and how many more there are.
+
+    Args:
+        names: any number of them.
+        last: stands before the last name; if empty, a comma does, as within a longer list.
+        most: names to give at most.
+    """
+    if len(names) > most:
+        return f"{', '.join(names[:most])} {last or 'and'} {len(names) - most} more"
+    return f" {last} ".join(filter(None, [", ".join(names[:-1]), *names[-1:]])) if last else ", ".join(names)

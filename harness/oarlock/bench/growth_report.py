@@ -10,7 +10,8 @@ from oarlock.base.files import write_text
 from oarlock.bench.growth import MANY, PARTS, SOLVERS, STEP
 from oarlock.bench.steps import BARE
 from oarlock.render.charts import WIDTH, log_axis
-from oarlock.render.page import Figure, page, render
+from oarlock.render.page import Figure, page
+from oarlock.render.template import render
 from oarlock.tables.provenance import occasion_of
 
 NAMED = 0.05

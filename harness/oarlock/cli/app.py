@@ -19,8 +19,9 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.numbers import short
 from oarlock.cli.check import check
-from oarlock.cli.console import BAD_INPUT, GATE_FAILED, JsonOption, cell, console, emit_json, ends, say
+from oarlock.cli.console import BAD_INPUT, GATE_FAILED, JsonOption, console, emit_json, ends, say
 from oarlock.cli.diff import diff
 from oarlock.cli.explain import explain
 from oarlock.experiments.outcome import Results
@@ -86,7 +87,7 @@ def _print_summary(results: Results) -> None:
     for title in _COLUMNS.values():
         table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
     for row in results.rows:
-        table.add_row(*(cell(row[name]) for name in _COLUMNS))
+        table.add_row(*(short(row[name]) for name in _COLUMNS))
     console().print(table)
 
 
@@ -109,7 +110,7 @@ def list_models(
     for name in names:
         table.add_column(name, no_wrap=name != "title")
     for entry in entries:
-        table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else cell(v) for name in names))
+        table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else short(v) for name in names))
     console().print(table)
 
 
@@ -301,7 +302,7 @@ def _print_growth(grown: dict[str, Any]) -> None:
         costs |= {part: [row["parts_us"][part] for row in own] for part in own[0]["parts_us"]}
         for part, values in costs.items():
             fit = fits[(name, part)]
-            cells = [cell(value) for value in (*values, fit["all"], fit["many"])]
+            cells = [short(value) for value in (*values, fit["all"], fit["many"])]
             table.add_row(PARTS.get(part, f"whole {part}"), *cells)
         (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
 

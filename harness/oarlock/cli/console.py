@@ -59,13 +59,6 @@ def emit_json(document: Any, target: str) -> None:
         write_text(Path(target), text)
 
 
-def cell(value: Any) -> str:
-    """A value in a table."""
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
 def shown(text: str) -> Text:
     """As it is: no markup, and nothing that a terminal would obey."""
     return Text("".join(letter if letter.isprintable() else "�" for letter in text))

@@ -11,6 +11,7 @@ import polars as pl
 
 from oarlock.base.errors import one_line
 from oarlock.base.files import reading
+from oarlock.base.numbers import finite, short
 from oarlock.compare.folders import KEYS, Run, Side
 from oarlock.compare.tolerances import APART, kind_of
 
@@ -71,15 +72,12 @@ class Comparison:
 
     def document(self) -> dict[str, Any]:
         """For JSON, which has no infinity."""
-        found = asdict(self)
-        return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
+        return {name: finite(value) for name, value in asdict(self).items()}
 
 
 def worded(value: Any) -> str:
-    """A value in a message."""
-    if value is None:
-        return "–"
-    return f"{value:.4g}" if isinstance(value, float) else one_line(value)
+    """A value in a message, to the digits that a change shows in."""
+    return short(value, 4)
 
 
 def number(value: Any) -> float | None:

@@ -3,12 +3,10 @@
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import RefusedError
+from oarlock.base.errors import RefusedError, few
 from oarlock.mechanics.names import element_name
 
 OPTION = "--ignore-inequalities"
-_NAMED = 4
-"""So many elements a message names; of more it gives the number."""
 
 _BITS = mujoco.mjtDisableBit
 IGNORED = _BITS.mjDSBL_CONTACT | _BITS.mjDSBL_LIMIT | _BITS.mjDSBL_FRICTIONLOSS
@@ -36,10 +34,6 @@ def _row_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
     return f"contact between geoms '{names[0]}' and '{names[1]}'"
 
 
-def _few(names: list[str]) -> str:
-    return ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
-
-
 def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Checks that only equality rows are active.
 
@@ -52,8 +46,8 @@ def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     names = list(dict.fromkeys(_row_name(model, data, int(row)) for row in rows))
     verb, them = ("is", "it") if len(names) == 1 else ("are", "them")
     raise RefusedError(
-        f"{_few(names)} {verb} active at t = {data.time:g} s, expected equality rows only: disable {them} in the "
-        f"model (contype/conaffinity, limited, frictionloss), or run with {OPTION}"
+        f"{few(names, last='')} {verb} active at t = {data.time:g} s, expected equality rows only: disable {them} "
+        f"in the model (contype/conaffinity, limited, frictionloss), or run with {OPTION}"
     )
 
 
@@ -68,7 +62,7 @@ def ignore_inequalities(model: mujoco.MjModel) -> str:
         ("friction of tendons", tendon, np.flatnonzero(model.tendon_frictionloss)),
     ]
     said = [
-        f"{label} {_few([element_name(model, kind, int(index)) for index in indices])}"
+        f"{label} {few([element_name(model, kind, int(index)) for index in indices], last='')}"
         for label, kind, indices in kinds
         if len(indices)
     ]

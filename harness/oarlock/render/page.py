@@ -1,4 +1,4 @@
-"""Templates, figures and pages, whatever they are of."""
+"""Figures and pages, whatever they are of."""
 
 import contextlib
 import functools
@@ -13,23 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import altair as alt
-import jinja2
 import vl_convert
 from markdown_it import MarkdownIt
 
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("oarlock.render"),
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-    undefined=jinja2.StrictUndefined,
-)
-
+from oarlock.render.template import render
 
 _EMBED = "window.vegaEmbed = vegaEmbed;"
-
-
-_ESCAPING = _TEMPLATES.overlay(autoescape=True)
 
 
 @dataclass(frozen=True)
@@ -48,34 +37,6 @@ class Figure:
     def svg(self) -> str:
         """The chart as a drawing."""
         return vl_convert.vegalite_to_svg(self.spec)
-
-
-def number(value: Any, unit: str = "") -> str:
-    """A figure for reading: three significant digits, a dash for what does not apply."""
-    if value is None:
-        return "–"
-    if isinstance(value, str):
-        return value
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, int):
-        text = f"{value:,}".replace(",", " ")
-    elif value == int(value) and abs(value) < 1000:
-        text = f"{value:.0f}"
-    else:
-        text = f"{value:.3f}" if 0.01 <= abs(value) < 1000 else f"{value:.2e}"
-    return f"{text} {unit}".rstrip()
-
-
-_TEMPLATES.filters["number"] = number
-
-
-def _cell(value: Any) -> str:
-    """Text that stays inside its cell of a Markdown table."""
-    return re.sub(r"([\\`*{}\[\]<>#|!])", r"\\\1", str(value))
-
-
-_TEMPLATES.filters["cell"] = _cell
 
 
 def page(
@@ -104,7 +65,9 @@ def page(
     parser.add_render_rule("image", figure)
     parser.add_render_rule("link_open", link)
     specs = {figure.name: json.loads(figure.spec) for figure in drawn}
-    return _ESCAPING.get_template("page.html.j2").render(
+    return render(
+        "page.html.j2",
+        escaping=True,
         title=title,
         body=parser.render(text),
         specs=script_json(specs),
@@ -140,8 +103,3 @@ def _library() -> str:
             file.write(bundle)
         os.replace(file.name, kept)
     return bundle
-
-
-def render(template: str, *, escaping: bool = False, **values: Any) -> str:
-    """A template of the package with the filters of the reports; with ``escaping`` for HTML."""
-    return (_ESCAPING if escaping else _TEMPLATES).get_template(template).render(**values)

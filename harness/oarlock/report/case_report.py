@@ -14,7 +14,8 @@ import polars as pl
 from oarlock.base.errors import InputError
 from oarlock.base.files import reading
 from oarlock.render.folder import CONTENTS, require_report, write_whole
-from oarlock.render.page import _TEMPLATES, Figure, page
+from oarlock.render.page import Figure, page
+from oarlock.render.template import render
 from oarlock.report import figures
 from oarlock.tables.aggregate import TIMING_FIGURES
 from oarlock.tables.folder import ResultFolder
@@ -146,7 +147,8 @@ def draw(tables: Tables) -> list[Figure]:
 def markdown(tables: Tables, drawn: list[Figure]) -> str:
     """The tracked page."""
     inputs = {key: value for key, value in tables.provenance.items() if key not in OCCASION}
-    return _TEMPLATES.get_template("report.md.j2").render(
+    return render(
+        "report.md.j2",
         tables=tables,
         case=tables.case,
         model=tables.case["model"],

@@ -13,7 +13,8 @@ from typing import Any
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import write_text
-from oarlock.render.page import Figure, page, render
+from oarlock.render.page import Figure, page
+from oarlock.render.template import render
 from oarlock.report import summary_figures as figures
 from oarlock.report.case_report import Tables
 from oarlock.tables.aggregate import TIMING_FIGURES

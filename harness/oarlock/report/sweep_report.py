@@ -11,7 +11,8 @@ from oarlock.base.errors import InputError
 from oarlock.base.files import write_text
 from oarlock.cases.point import DISTURBANCE
 from oarlock.render.charts import WIDTH, colour, log_axis, log_scale
-from oarlock.render.page import Figure, page, render
+from oarlock.render.page import Figure, page
+from oarlock.render.template import render
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.ledger import TABLE
 from oarlock.tables.provenance import OCCASION, occasion_of

@@ -4,15 +4,12 @@ Nothing in the case is a guess that looks like a fact: what is expected was comp
 and what only the author can know is left as a comment that says how to add it.
 """
 
-import json
 import os
 import re
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-import jinja2
 import mujoco
 import numpy as np
 import polars as pl
@@ -25,6 +22,7 @@ from oarlock.experiments.session import Progress, run
 from oarlock.mechanics.mjcf import Copied, copy_model
 from oarlock.mechanics.names import Equality, coordinates, element_name, equalities
 from oarlock.mechanics.reactions import verdict
+from oarlock.render.template import render
 from oarlock.scaffold.survey import AS_IT_STANDS, Survey, longest, nice_above, survey
 
 ROUNDING = 1e-8
@@ -32,29 +30,6 @@ ROUNDING = 1e-8
 
 HEADROOM = 10.0
 """Bounds stand at least at so many times what was measured: another machine rounds in another way."""
-
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.PackageLoader("oarlock.render"),
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-    undefined=jinja2.StrictUndefined,
-)
-
-
-def _toml_key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML: numbers in all their digits, strings, and lists of them."""
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
-
-
-_TEMPLATES.filters["key"] = _toml_key
-_TEMPLATES.filters["toml"] = _toml
 
 
 @dataclass(frozen=True)
@@ -233,7 +208,7 @@ def _write(name: str, source: Path, folder: Path, picture: str, progress: Progre
     except RefusedError as refusal:
         scaffold = attempt(one_line(refusal).partition(", expected")[0])
     (folder / "README.md").write_text(
-        _TEMPLATES.get_template("model.md.j2").render(case=scaffold, found=scaffold.found, picture=picture),
+        render("model.md.j2", case=scaffold, found=scaffold.found, picture=picture),
         encoding="utf-8",
     )
     return scaffold
@@ -267,7 +242,7 @@ def _run(scaffold: Scaffold, folder: Path, progress: Progress) -> Results:
 
 
 def _write_case(scaffold: Scaffold, folder: Path) -> Case:
-    text = _TEMPLATES.get_template("case.toml.j2").render(case=scaffold, found=scaffold.found)
+    text = render("case.toml.j2", case=scaffold, found=scaffold.found)
     (folder / "case.toml").write_text(text, encoding="utf-8")
     return load_case(folder)
 

@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 
 from oarlock.base.errors import InputError
+from oarlock.base.numbers import finite
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Gate
 from oarlock.tables.schema import RunResult
@@ -15,13 +16,6 @@ from oarlock.tables.spool import Spool
 
 TIMING_FIGURES = ("solve_ns_median", "step_us_median")
 """Figures that change from run to run on the same machine."""
-
-
-def _number(value: Any) -> float | int | None:
-    """A JSON number, or None for what does not apply or is not finite."""
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return None
-    return value
 
 
 _MAXIMA = (
@@ -72,7 +66,7 @@ def _median(steps: Spool, figure: pl.Expr) -> float | None:
     low, high = (count - 1) // 2, count // 2
     values = values[:count]
     values.partition((low, high))
-    return _number(pl.Series(values[low : high + 1]).median())
+    return finite(pl.Series(values[low : high + 1]).median())
 
 
 def _energy_drift(steps: Spool) -> float | None:
@@ -81,7 +75,7 @@ def _energy_drift(steps: Spool) -> float | None:
     if start is None or not largest:
         return None
     drift = steps.collect((energy - start).abs().fill_null(math.nan).nan_max()).item()
-    return _number(drift / largest)
+    return finite(drift / largest)
 
 
 def summarise(result: RunResult) -> dict[str, Any]:
@@ -101,7 +95,7 @@ def summarise(result: RunResult) -> dict[str, Any]:
         col("refreshes").first().alias("first refreshes"),
         (col("projection") != "landed").sum().alias("unprojected"),
     ).row(0, named=True)
-    largest = {name: _number(found[f"max {name}"]) for name in _MAXIMA}
+    largest = {name: finite(found[f"max {name}"]) for name in _MAXIMA}
     total = {name: int(found[f"sum {name}"]) for name in _SUMS}
     count = {name: int(found[f"count {name}"]) for name in _COUNTS}
     refreshes = total["refreshes"] - int((found["first refreshes"] or 0) > 0)

@@ -12,11 +12,12 @@ import pytest
 from browser import Browser, executable
 from markdown_it import MarkdownIt
 from oarlock import InputError
+from oarlock.base.numbers import figure
 from oarlock.diagnosis.examination import begin, examine
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.wrenches import Series, Wrench
 from oarlock.diagnosis.page import pictures
-from oarlock.diagnosis.page.blocks import number, plain
+from oarlock.diagnosis.page.blocks import plain
 from oarlock.diagnosis.page.motion import SIDE, VISIBLE, Skeleton, motion
 from oarlock.diagnosis.page.page import html_fragment, markdown_text, write_page
 from oarlock.diagnosis.verdict.findings import found as finding
@@ -141,21 +142,21 @@ def test_figures_are_those_of_the_examination(four_bar, pages):
     assert [group[name] for name in ("rows", "zero", "rank", "redundancy", "dof")] == ["3", "1", "2", "1", "1"]
     for row, one in zip(page.table("equality", "level"), four_bar.drifts, strict=True):
         unit = {"position": "m", "velocity": "m/s", "acceleration": "m/s²"}[one.level]
-        assert row["MuJoCo"] == number(one.metres, unit)
-        assert row["exact"] == ("–" if one.exact_metres is None else number(one.exact_metres, "m"))
+        assert row["MuJoCo"] == figure(one.metres, unit)
+        assert row["exact"] == ("–" if one.exact_metres is None else figure(one.exact_metres, "m"))
     (share,) = four_bar.attribution.shares
     (row,) = page.table("row", "off by")
-    assert row["off by"] == number(share.worst, "m")
-    assert row["time stepping"].startswith(number(share.parts["stepping"]))
+    assert row["off by"] == figure(share.worst, "m")
+    assert row["time stepping"].startswith(figure(share.parts["stepping"]))
     (row,) = page.table("equality", "softness")
-    assert row["work (J)"] == number(share.work)
+    assert row["work (J)"] == figure(share.work)
     trials = page.table("run", "start")
     assert len(trials) == len(four_bar.recipe.trials)
     assert [row["run"].endswith("(chosen)") for row in trials].count(True) == 1
     assert four_bar.recipe.mjcf in page.texts["pre"]
     (row,) = page.table("equality", "what")
     peak = np.linalg.norm(four_bar.determined[0].total.force, axis=1).max()
-    assert row["exact"] == number(float(peak), "N")
+    assert row["exact"] == figure(float(peak), "N")
 
 
 def test_markdown_and_page_have_the_same_tables(pages):

@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from oarlock.base.numbers import figure, percent
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.layout import SINE
 from oarlock.diagnosis.loops.uniqueness import Reaction
 from oarlock.diagnosis.loops.wrenches import Wrench
-from oarlock.diagnosis.page.blocks import Chapter, number
+from oarlock.diagnosis.page.blocks import Chapter
 from oarlock.diagnosis.page.chapters import counted, lower, many, why_not
 from oarlock.diagnosis.page.document import accelerations_table
 from oarlock.diagnosis.runs.row_law import CAUSES, Share
@@ -27,11 +28,6 @@ SINE_NOTE = (
 )
 
 
-def percent(part: float) -> str:
-    """A share for reading; it may be beyond 100 % or below 0."""
-    return f"{round(100.0 * part)} %" if np.isfinite(part) else "–"
-
-
 # 4
 
 
@@ -43,7 +39,7 @@ def why(found: Examination) -> Chapter:
         return chapter
     worst = found.attribution.worst
     chapter.say(
-        f"'{worst.label}' is off by {number(worst.worst)} {_share_unit(found, worst)} at t = {worst.time_s:.6g} s, of "
+        f"'{worst.label}' is off by {figure(worst.worst)} {_share_unit(found, worst)} at t = {worst.time_s:.6g} s, of "
         f"which {percent(worst.shares[worst.leading])} is {CAUSE_WORDS[worst.leading]}."
     )
     chapter.say(
@@ -51,7 +47,7 @@ def why(found: Examination) -> Chapter:
         "is the sum of the parts below, with sign; parts may exceed it and oppose one another. Softness: −R f with the "
         "force f of a solver without error. Missing J̇v: m, what MuJoCo leaves out on joint and tendon rows. Solver: "
         "what its solver left. Start: an open start. Time stepping: what the integrator did otherwise than the "
-        f"oscillator, with controls held over a step. The law holds to {number(found.attribution.defect)} here."
+        f"oscillator, with controls held over a step. The law holds to {figure(found.attribution.defect)} here."
     )
     if any(one.kind == "weld" for one in found.attribution.recording.layout.equalities):
         chapter.say(SINE_NOTE)
@@ -62,10 +58,10 @@ def why(found: Examination) -> Chapter:
         [
             (
                 share.label,
-                f"{number(share.worst)} {_share_unit(found, share)}",
+                f"{figure(share.worst)} {_share_unit(found, share)}",
                 f"{share.time_s:.6g}",
                 CAUSE_WORDS[share.leading],
-                *(f"{number(share.parts[cause])} ({percent(share.shares[cause])})" for cause in CAUSES),
+                *(f"{figure(share.parts[cause])} ({percent(share.shares[cause])})" for cause in CAUSES),
             )
             for share in shares
         ],
@@ -78,15 +74,15 @@ def why(found: Examination) -> Chapter:
             (
                 share.name,
                 *(percent(share.over_run[cause]) for cause in CAUSES),
-                f"{number(share.total)} {_share_unit(found, share)}",
-                number(share.work),
+                f"{figure(share.total)} {_share_unit(found, share)}",
+                figure(share.work),
             )
             for share in shares
         ],
     )
     lost = float(np.abs(found.attribution.recording.energy_error).max(initial=0.0))
     chapter.say(
-        f"Energy that came from nowhere, at most: {number(lost, 'J')}. An exact loop does no work; work below 0 is "
+        f"Energy that came from nowhere, at most: {figure(lost, 'J')}. An exact loop does no work; work below 0 is "
         "energy that the loop lost."
     )
     apart = accelerations_table(found)
@@ -99,7 +95,7 @@ def why(found: Examination) -> Chapter:
             "accelerations",
             ("cause", "root mean square", "largest"),
             [
-                (CAUSE_WORDS.get(row["cause"], "together"), number(row["rms"]), number(row["max"]))
+                (CAUSE_WORDS.get(row["cause"], "together"), figure(row["rms"]), figure(row["max"]))
                 for row in apart.to_dicts()
             ],
         )
@@ -121,11 +117,11 @@ def remedy(found: Examination) -> Chapter:
         chapter.say(why_not(found, "remedy"))
         _settings(found, chapter)
         return chapter
-    wanted = f"the wanted {number(recipe.target)} m or rad"
+    wanted = f"the wanted {figure(recipe.target)} m or rad"
     drifted = "diverges" if not np.isfinite(recipe.chosen.drift) else f"opens by {_drifted(recipe.chosen)}"
     said = {
         "holds": f"It holds {wanted} as it stands: it {drifted}.",
-        "reached": f"It holds {wanted} with {recipe.reason}: it {drifted}, at {number(recipe.chosen.cost)} times the "
+        "reached": f"It holds {wanted} with {recipe.reason}: it {drifted}, at {figure(recipe.chosen.cost)} times the "
         f"cost; as authored it opens by {_drifted(recipe.authored)}.",
         "not-reached": f"Nothing that was tried holds {wanted}: {recipe.reason}. The best of the runs {drifted}.",
     }[recipe.outcome]
@@ -143,8 +139,8 @@ def remedy(found: Examination) -> Chapter:
         chapter.say(
             f"Where energy matters: {recipe.conserving.setting.integrator} at "
             f"{recipe.conserving.setting.timestep_s:g} s holds too, and its energy error is "
-            f"{number(recipe.conserving.energy_error, 'J')} in place of {number(recipe.chosen.energy_error, 'J')}, at "
-            f"{number(recipe.conserving.cost)} times the cost:"
+            f"{figure(recipe.conserving.energy_error, 'J')} in place of {figure(recipe.chosen.energy_error, 'J')}, at "
+            f"{figure(recipe.conserving.cost)} times the cost:"
         )
         chapter.code(recipe.conserving.setting.mjcf)
     chapter.say(
@@ -177,7 +173,7 @@ def remedy(found: Examination) -> Chapter:
 def _drifted(trial: Trial) -> str:
     if not np.isfinite(trial.drift):
         return "everything, for it diverges"
-    return f"{number(trial.drift)} {trial.row.measure}"
+    return f"{figure(trial.drift)} {trial.row.measure}"
 
 
 def _trial(trial: Trial, *, chosen: bool) -> tuple[str, ...]:
@@ -195,10 +191,10 @@ def _trial(trial: Trial, *, chosen: bool) -> tuple[str, ...]:
         written(setting.solref),
         written(setting.solimp),
         _drifted(trial) if finite else f"diverged: {trial.end.message}",
-        number(trial.predicted),
+        figure(trial.predicted),
         str(trial.row),
-        number(trial.energy_error) if finite else "–",
-        f"× {number(trial.cost)}",
+        figure(trial.energy_error) if finite else "–",
+        f"× {figure(trial.cost)}",
     )
 
 
@@ -223,8 +219,8 @@ def _settings(found: Examination, chapter: Chapter) -> None:
                 " ".join(f"{value:g}" for value in one.settings.given),
                 " ".join(f"{value:g}" for value in one.settings.effective) if one.settings.changed else "the same",
                 f"{max(one.settings.solimp[:2]):g}",
-                number(one.number),
-                number(one.growth),
+                figure(one.number),
+                figure(one.growth),
                 "yes" if one.stable else "NO",
             )
             for one in found.settings
@@ -272,7 +268,7 @@ def _peaks(given: Wrench | None, determined: Wrench | None) -> list[tuple[str, .
             return "–"
         values = getattr(getattr(wrench, part), name)
         sizes = np.abs(values[:, end]) if end is not None else np.linalg.norm(values, axis=1)
-        return number(float(sizes.max(initial=0.0)), unit)
+        return figure(float(sizes.max(initial=0.0)), unit)
 
     wanted: list[tuple[str, str, int | None, str]] = []
     if some.total.force is not None:

@@ -1,11 +1,8 @@
 """What a report consists of, whatever it is written as: chapters of sentences, tables, figures and code."""
 
-import math
 from dataclasses import dataclass, field
-from typing import Any
 
 from oarlock.base.errors import one_line
-from oarlock.render import page as report
 from oarlock.render.page import Figure
 
 
@@ -13,15 +10,6 @@ def plain(text: object) -> str:
     """A text on one line; characters that do not print, or that turn the direction of writing, by their number."""
     line = one_line(text)
     return line if line.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
-
-
-def number(value: Any, unit: str = "") -> str:
-    """A figure for reading, as in the other reports; a dash for what does not apply."""
-    if value is None:
-        return "–"
-    if isinstance(value, str | bool | int):
-        return report.number(value, unit)
-    return report.number(float(value), unit) if math.isfinite(value) else "not finite"
 
 
 @dataclass(frozen=True)

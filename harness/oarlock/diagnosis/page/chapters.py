@@ -5,10 +5,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from oarlock.base.errors import few
+from oarlock.base.numbers import figure
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.gaps import Opening
 from oarlock.diagnosis.loops.loops import Group, Loop, Loops
-from oarlock.diagnosis.page.blocks import Chapter, number
+from oarlock.diagnosis.page.blocks import Chapter
 from oarlock.diagnosis.runs.drifts import LEVELS
 from oarlock.mechanics.names import equalities
 
@@ -149,13 +150,13 @@ def _ranks(found: Examination, chapter: Chapter) -> None:
         ("time (s)", "from (s)", "to (s)", "what", "rank", "ranks lost", "smallest singular value", "equalities"),
         [
             (
-                number(event.time_s),
-                number(event.start_s),
-                number(event.end_s),
+                figure(event.time_s),
+                figure(event.start_s),
+                figure(event.end_s),
                 "singular" if event.kind == "singular" else "near singular",
                 str(event.rank),
                 str(event.lost),
-                f"{number(event.smallest)} of its median",
+                f"{figure(event.smallest)} of its median",
                 many(event.equalities),
             )
             for event in history.events
@@ -185,8 +186,8 @@ def start(found: Examination) -> Chapter:
     }[pose.status]
     if pose.closed and not pose.consistent:
         by = f", most of them '{pose.moved_joint}'" if pose.moved_joint else ""
-        said += f" Coordinates move by up to {number(pose.moved)} rad or m{by}, velocities by up to "
-        said += f"{number(pose.moved_speed)} rad/s or m/s."
+        said += f" Coordinates move by up to {figure(pose.moved)} rad or m{by}, velocities by up to "
+        said += f"{figure(pose.moved_speed)} rad/s or m/s."
     if pose.detour:
         said += " The pose given is a dead end: the closed one was found from disturbed starts around it."
     chapter.say(said)
@@ -199,7 +200,7 @@ def start(found: Examination) -> Chapter:
             chapter.say(f"Singular at the start: {many(one.equalities)}, dof {one.dof} there and {one.near} around it.")
     for tilt in pose.tilts:
         chapter.say(
-            f"The axis of '{tilt.joint}' is {number(tilt.radians, 'rad')} off the others' in the loop of "
+            f"The axis of '{tilt.joint}' is {figure(tilt.radians, 'rad')} off the others' in the loop of "
             f"'{tilt.equality}'."
         )
     chapter.table(
@@ -222,7 +223,7 @@ def start(found: Examination) -> Chapter:
 
 
 def _opened(opening: Opening) -> tuple[str, str]:
-    return number(opening.metres), number(opening.radians)
+    return figure(opening.metres), figure(opening.radians)
 
 
 # 3
@@ -268,11 +269,11 @@ def drift(found: Examination) -> Chapter:
 
 
 def _with(value: float | None, unit: str) -> str:
-    return "–" if value is None else number(value, unit)
+    return "–" if value is None else figure(value, unit)
 
 
 def _of(metres: float | None, radians: float | None) -> str:
-    parts = [number(value, unit) for value, unit in ((metres, "m"), (radians, "rad")) if value is not None]
+    parts = [figure(value, unit) for value, unit in ((metres, "m"), (radians, "rad")) if value is not None]
     return " and ".join(parts) or "nothing"
 
 
@@ -286,7 +287,7 @@ def _exact(found: Examination, chapter: Chapter) -> None:
     if len(exact.drift):
         most = exact.drift.max(axis=0)
         text += (
-            f" and leaves at most {number(most[0])} m or rad, {number(most[1])} per s and {number(most[2])} per s² "
+            f" and leaves at most {figure(most[0])} m or rad, {figure(most[1])} per s and {figure(most[2])} per s² "
             "of any row"
         )
     if exact.end.how != "finished":

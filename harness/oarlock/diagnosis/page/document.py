@@ -1,6 +1,5 @@
 """An examination as data: the JSON document, and the tables of a notebook."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, is_dataclass
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from oarlock.base.numbers import finite
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.runs.row_law import CAUSES
@@ -61,9 +61,7 @@ def _plain(value: Any) -> Any:
         return _plain(value.tolist())
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return finite(value)
 
 
 def _loops(exam: Examination) -> dict[str, Any] | None:

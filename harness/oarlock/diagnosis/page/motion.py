@@ -12,9 +12,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from oarlock.base.numbers import figure
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.assembly import anchors
-from oarlock.diagnosis.page.blocks import number, plain
+from oarlock.diagnosis.page.blocks import plain
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.render.charts import VIEW
 
@@ -171,11 +172,11 @@ class Motion:
             return (
                 f"MuJoCo{exact}. No loop of this model has two points that could gape; its couplings are dashed lines."
             )
-        factor = number(int(self.factor))
+        factor = figure(int(self.factor))
         times = "gaps as they are" if self.factor == 1.0 else f"the gaps of its loops exaggerated {factor} times"
         return (
             f"MuJoCo{exact}, {times}: red lines join the two points of every connect and weld. The largest gap is "
-            f"{number(self.gap, 'm')}, at t = {self.times[self.worst]:.6g} s. Angles and couplings are not exaggerated."
+            f"{figure(self.gap, 'm')}, at t = {self.times[self.worst]:.6g} s. Angles and couplings are not exaggerated."
         )
 
     def document(self) -> dict[str, Any]:

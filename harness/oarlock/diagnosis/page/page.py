@@ -13,7 +13,8 @@ from oarlock.diagnosis.page.blocks import Chapter, Picture, Stage, Table, plain
 from oarlock.diagnosis.page.motion import Motion, motion, still
 from oarlock.diagnosis.verdict.findings import SEVERITIES, Finding, catalogue, worst_first
 from oarlock.render.folder import require_report, write_whole
-from oarlock.render.page import render, script_json, script_library
+from oarlock.render.page import script_json, script_library
+from oarlock.render.template import render
 
 CONTENTS = ("README.md", "figures", "index.html")
 """What a report consists of. A folder that holds anything else is not replaced."""

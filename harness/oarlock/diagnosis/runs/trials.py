@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from oarlock.base.numbers import exact
 from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
 from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, integrator_name, other_power, own_copy, walk
@@ -69,12 +70,12 @@ class Setting:
 
     def option_attributes(self) -> dict[str, str]:
         """Attributes of ``<option>``."""
-        return {"timestep": _number(self.timestep_s), "integrator": MJCF_INTEGRATORS[self.integrator]}
+        return {"timestep": exact(self.timestep_s), "integrator": MJCF_INTEGRATORS[self.integrator]}
 
     def equality_attributes(self) -> dict[str, str]:
         """Attributes of every equality; none where they stay as authored."""
         given = {"solref": self.solref, "solimp": self.solimp}
-        return {name: " ".join(map(_number, values)) for name, values in given.items() if values is not None}
+        return {name: " ".join(map(exact, values)) for name, values in given.items() if values is not None}
 
     @property
     def mjcf(self) -> str:
@@ -93,10 +94,6 @@ EQUALITIES = {
     "tendon": mujoco.mjtEq.mjEQ_TENDON,
 }
 """MJCF elements of the equalities that settings are for."""
-
-
-def _number(value: float) -> str:
-    return repr(float(value)).removesuffix(".0")
 
 
 def _element(tag: str, attributes: dict[str, str]) -> str:

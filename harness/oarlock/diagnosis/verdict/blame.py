@@ -7,6 +7,8 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from oarlock.base.errors import few
+from oarlock.base.numbers import finite, percent
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
@@ -59,10 +61,8 @@ _WORDS = {
 
 def in_words(names: list[str]) -> str:
     """Names in quotes, the first few of them."""
-    quoted = [f"'{name}'" for name in names]
-    if len(quoted) > _NAMED + 1:
-        quoted = [*quoted[:_NAMED], f"{len(quoted) - _NAMED} more"]
-    return " and ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
+    # "and 1 more" would be longer than the name.
+    return few([f"'{name}'" for name in names], most=_NAMED if len(names) > _NAMED + 1 else _NAMED + 1)
 
 
 def merged(findings: Iterable[Finding]) -> list[Finding]:
@@ -170,11 +170,6 @@ def amount(exam: Examination, share: Share) -> str:
     step = int(np.abs(recording.time - share.time_s).argmin())
     rows = recording.position[step, recording.layout.of_equality(place)]
     return str(opening(exam.model, recording.layout.equalities[place], rows))
-
-
-def percent(share: float) -> str:
-    """A share in percent."""
-    return f"{100.0 * share:.0f} %"
 
 
 def _implicit(exam: Examination, place: int) -> float:
@@ -287,11 +282,11 @@ def remedy(exam: Examination) -> Iterator[Finding]:
     chosen = recipe.chosen
     figures = {
         "target": recipe.target,
-        "drift_before": _finite(before.drift),
-        "drift": _finite(after.drift),
+        "drift_before": finite(before.drift),
+        "drift": finite(after.drift),
         "cost": chosen.cost,
-        "energy_error_before_j": _finite(recipe.authored.energy_error),
-        "energy_error_j": _finite(chosen.energy_error),
+        "energy_error_before_j": finite(recipe.authored.energy_error),
+        "energy_error_j": finite(chosen.energy_error),
     }
     if not recipe.reached:
         said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
@@ -335,10 +330,6 @@ def held(trial: Trial) -> str:
     return f"{trial.drift:.2g} {trial.unit}" if math.isfinite(trial.drift) else "a run that diverges"
 
 
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
 def above(exam: Examination, bound: float) -> Iterator[Finding]:
     """D7: whatever exceeds the user's own bound, or cannot be shown to keep it."""
     expected = f"expected at most {bound:g} (m, rad)"
@@ -347,7 +338,7 @@ def above(exam: Examination, bound: float) -> Iterator[Finding]:
             parts = [(one.metres, "m"), (one.radians, "rad")]
             said = " and ".join(f"{value:.3g} {unit}" for value, unit in parts if value is not None and value > bound)
             line = f"drifts {said or 'beyond all numbers'} at t = {one.time_s:.4g} s, {expected}"
-            yield found("D7", exam.file, line, element=one.equality, drift=_finite(one.largest), bound=bound)
+            yield found("D7", exam.file, line, element=one.equality, drift=finite(one.largest), bound=bound)
     if exam.recording is None:
         yield found(
             "D7", exam.file, f"there is no run to measure: {exam.missing.get('run', '')}, {expected}", bound=bound
