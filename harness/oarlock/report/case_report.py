@@ -17,6 +17,7 @@ from oarlock.render.folder import CONTENTS, require_report, write_whole
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
 from oarlock.report import figures
+from oarlock.report.statements import Compared, statements
 from oarlock.tables.aggregate import TIMING_FIGURES
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.provenance import OCCASION, occasion_of
@@ -147,9 +148,12 @@ def draw(tables: Tables) -> list[Figure]:
 def markdown(tables: Tables, drawn: list[Figure]) -> str:
     """The tracked page."""
     inputs = {key: value for key, value in tables.provenance.items() if key not in OCCASION}
+    compared = Compared.of(tables)
     return render(
         "report.md.j2",
         tables=tables,
+        compared=compared,
+        statements=statements(tables, compared),
         case=tables.case,
         model=tables.case["model"],
         figures={figure.name: figure for figure in drawn},
