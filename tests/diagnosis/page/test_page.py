@@ -35,18 +35,18 @@ TITLES = ["Findings", "The loops", "The start", "Drift", "Why", "What would hold
 
 def examined(name, budget_s=2.0):
     """An examination, all of it."""
-    found = begin(name if "." not in name else str(CHECKED / name), Wish(budget_s=budget_s))
-    for _ in examine(found):
+    exam = begin(name if "." not in name else str(CHECKED / name), Wish(budget_s=budget_s))
+    for _ in examine(exam):
         pass
-    return found
+    return exam
 
 
-def findings_of(found):
+def findings_of(exam):
     """One of each severity, with a hostile place."""
     return [
-        finding("D1", found.file, "a note of 2 m", element=HOSTILE, severity="note"),
-        finding("D3", found.file, "a warning", severity="warning"),
-        finding("T2", found.file, "an error <b>of 3</b>", severity="error"),
+        finding("D1", exam.file, "a note of 2 m", element=HOSTILE, severity="note"),
+        finding("D3", exam.file, "a warning", severity="warning"),
+        finding("T2", exam.file, "an error <b>of 3</b>", severity="error"),
     ]
 
 
@@ -70,7 +70,7 @@ def pages(four_bar, named, unreachable, tmp_path_factory):
     """Name → folder of its report."""
     folder = tmp_path_factory.mktemp("pages")
     every = {"four_bar": four_bar, "named": named, "unreachable": unreachable}
-    return {name: write_page(found, findings_of(found), folder / name) for name, found in every.items()}
+    return {name: write_page(exam, findings_of(exam), folder / name) for name, exam in every.items()}
 
 
 class Page(html.parser.HTMLParser):
@@ -314,13 +314,13 @@ def test_the_gap_is_seen_and_the_mechanism_is_on_the_drawing(four_bar):
 
 
 def test_a_point_of_the_world_stays():
-    found = begin("bricard", Wish(budget_s=0.0, duration_s=0.01))
-    for part in examine(found):
+    exam = begin("bricard", Wish(budget_s=0.0, duration_s=0.01))
+    for part in examine(exam):
         if part == "run":
             break
-    assert found.recording
-    skeleton = Skeleton(found.model, found.recording.layout.equalities)
-    points = skeleton.read(found.recording.qpos)
+    assert exam.recording
+    skeleton = Skeleton(exam.model, exam.recording.layout.equalities)
+    points = skeleton.read(exam.recording.qpos)
     wide = skeleton.exaggerated(points, 1000.0)
     worldly = [pair[1] for pair, still in zip(skeleton.loops, skeleton.still, strict=True) if still[1]]
     assert worldly
@@ -329,11 +329,11 @@ def test_a_point_of_the_world_stays():
 
 def test_gaps_over_time_are_openings():
     """A weld's rotation rows are turned into an angle."""
-    found = begin("welded_frame", Wish(budget_s=0.0, duration_s=0.2))
-    for part in examine(found):
+    exam = begin("welded_frame", Wish(budget_s=0.0, duration_s=0.2))
+    for part in examine(exam):
         if part == "run":
             break
-    recording = found.recording
+    recording = exam.recording
     assert recording
     (place,) = [at for at, one in enumerate(recording.layout.equalities) if one.kind == "weld"]
     series = pictures.gaps(recording, recording, place)
@@ -355,12 +355,12 @@ def test_a_body_in_the_air_does_not_stand_on_the_ground():
 # The folder.
 
 
-def loaded(found):
+def loaded(exam):
     """Wrenches through every connect, as many numbers as true ones have: the linear algebra is of no account here."""
-    layout, steps = found.recording.layout, found.recording.steps
+    layout, steps = exam.recording.layout, exam.recording.steps
     frames = (np.broadcast_to(np.eye(3), (steps, 3, 3)),) * 2
     forces = [
-        (one.name, found.recording.force[:, layout.of_equality(place)])
+        (one.name, exam.recording.force[:, layout.of_equality(place)])
         for place, one in enumerate(layout.equalities)
         if one.kind == "connect"
     ]

@@ -202,22 +202,22 @@ class Motion:
         }
 
 
-def motion(found: Examination) -> Motion | None:
+def motion(exam: Examination) -> Motion | None:
     """The moving mechanism of an examination; None where there is no run to draw."""
-    recording = found.recording
+    recording = exam.recording
     if recording is None or not recording.steps:
         return None
-    skeleton = Skeleton(found.model, recording.layout.equalities)
+    skeleton = Skeleton(exam.model, recording.layout.equalities)
     finite = np.flatnonzero(np.isfinite(recording.qpos).all(axis=1))
-    exact = found.exact if found.exact is not None and len(found.exact.qpos) else None
+    exact = exam.exact if exam.exact is not None and len(exam.exact.qpos) else None
     count = int(min(FRAMES, max(20, NUMBERS / (4 * max(1, skeleton.size)))))
     spaced = finite[np.linspace(0, len(finite) - 1, min(count, len(finite))).astype(int)]
-    chosen = np.unique([*spaced, _widest(found, finite)])
+    chosen = np.unique([*spaced, _widest(exam, finite)])
     points = skeleton.read(recording.qpos[chosen])
     beside = skeleton.read(exact.qpos[chosen[chosen < len(exact.qpos)]]) if exact is not None else points[:0]
     ended = recording.end.how == "finished"
     everything = points if ended or not len(beside) else beside
-    plane = _plane(found, everything)
+    plane = _plane(exam, everything)
     flat = everything @ plane.T
     low, high = (np.percentile(flat.reshape(-1, 2), q, axis=0) for q in ((0, 100) if ended or len(beside) else (2, 98)))
     span = float((high - low).max()) or 1.0
@@ -247,10 +247,10 @@ def motion(found: Examination) -> Motion | None:
     )
 
 
-def _widest(found: Examination, finite: np.ndarray) -> int:
+def _widest(exam: Examination, finite: np.ndarray) -> int:
     """The step at which a connect or weld is open furthest."""
-    assert found.recording is not None
-    layout, position = found.recording.layout, found.recording.position
+    assert exam.recording is not None
+    layout, position = exam.recording.layout, exam.recording.position
     wide = np.zeros(len(finite))
     for place, equality in enumerate(layout.equalities):
         if equality.kind in ("connect", "weld"):
@@ -268,9 +268,9 @@ def _factor(gap: float, wanted: float) -> float:
     return float(round(max(step * power for step in (1, 2, 5) if step * power <= most * (1.0 + 1e-12))))
 
 
-def _plane(found: Examination, points: np.ndarray) -> np.ndarray:
+def _plane(exam: Examination, points: np.ndarray) -> np.ndarray:
     """Right and up of the drawing in world axes (2, 3): the plane of the loops, or the usual view."""
-    normals = [group.normal for group in found.pose.loops.groups if group.dofs] if found.pose else []
+    normals = [group.normal for group in exam.pose.loops.groups if group.dofs] if exam.pose else []
     planar = [normal for normal in normals if normal is not None]
     if (
         planar

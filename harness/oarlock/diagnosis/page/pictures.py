@@ -9,11 +9,11 @@ import polars as pl
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.loops.wrenches import Wrench
-from oarlock.diagnosis.page.answers import CAUSE_WORDS
 from oarlock.diagnosis.page.blocks import plain
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.row_law import CAUSES, Attribution, Share
+from oarlock.diagnosis.verdict.causes import CAUSE
 from oarlock.render.charts import COLOURS, WIDTH, envelope, log_axis, sampled
 from oarlock.render.page import Figure
 
@@ -74,9 +74,9 @@ def gaps(run: Recording | ExactRun, model_of: Recording, place: int) -> dict[str
     return found
 
 
-def drift(found: Examination) -> Figure | None:
+def drift(exam: Examination) -> Figure | None:
     """The drift of the worst equalities over time, MuJoCo beside exact."""
-    recording = found.recording
+    recording = exam.recording
     if recording is None or not recording.steps:
         return None
     panels = []
@@ -86,12 +86,12 @@ def drift(found: Examination) -> Figure | None:
     for place in order[:PANELS]:
         equality = recording.layout.equalities[place]
         exact: dict[str, np.ndarray] = {}
-        if found.exact is not None and equality in found.exact.layout.equalities and len(found.exact.time):
-            exact = gaps(found.exact, recording, found.exact.layout.equalities.index(equality))
+        if exam.exact is not None and equality in exam.exact.layout.equalities and len(exam.exact.time):
+            exact = gaps(exam.exact, recording, exam.exact.layout.equalities.index(equality))
         for unit, values in every[place].items():
             curves = {MUJOCO: envelope(recording.time, values, POINTS)}
-            if unit in exact and found.exact is not None:
-                curves[EXACT] = envelope(found.exact.time, exact[unit], POINTS)
+            if unit in exact and exam.exact is not None:
+                curves[EXACT] = envelope(exam.exact.time, exact[unit], POINTS)
             frame = pl.concat(curve.with_columns(who=pl.lit(who)) for who, curve in curves.items())
             frame = _rounded(frame).with_columns(pl.col("value").clip(FLOOR))
             panels.append(
@@ -100,7 +100,7 @@ def drift(found: Examination) -> Figure | None:
                 .encode(
                     x=_time(),
                     y=log_axis(frame["value"], f"drift ({unit})"),
-                    color=_engines(both=found.exact is not None),
+                    color=_engines(both=exam.exact is not None),
                     tooltip=["who:N", "time:Q", alt.Tooltip("value:Q", title=f"drift ({unit})", format=".3g")],
                 )
                 .properties(width=WIDTH, height=120)
@@ -116,13 +116,13 @@ def _largest(values: np.ndarray) -> float:
     return float(np.nan_to_num(values).max(initial=0.0))
 
 
-def ranks(found: Examination) -> Figure | None:
+def ranks(exam: Examination) -> Figure | None:
     """The smallest singular value along the motion, where it comes near a singular pose."""
-    history = found.history
+    history = exam.history
     if history is None or not history.events or not len(history.smallest):
         return None
     # The times of the samples are those of the longer run, as the examination took them.
-    runs = [run for run in (found.exact, found.recording) if run is not None and len(run.time) >= len(history.smallest)]
+    runs = [run for run in (exam.exact, exam.recording) if run is not None and len(run.time) >= len(history.smallest)]
     if not runs:
         return None
     time = runs[0].time[: len(history.smallest)]
@@ -147,19 +147,19 @@ def ranks(found: Examination) -> Figure | None:
 # Causes.
 
 
-def causes(found: Examination) -> Figure | None:
+def causes(exam: Examination) -> Figure | None:
     """Signed parts of the drift by cause, at the worst moments and over the run."""
-    shares = _worst_shares(found)
+    shares = _worst_shares(exam)
     if not shares:
         return None
     rows = [
-        {"equality": plain(share.name), "cause": CAUSE_WORDS[cause], "when": when, "value": 100.0 * part[cause]}
+        {"equality": plain(share.name), "cause": CAUSE[cause].title, "when": when, "value": 100.0 * part[cause]}
         for share in shares
         for when, part in (("at the worst moment", share.shares), ("over the whole run", share.over_run))
         for cause in CAUSES
     ]
     frame = _rounded(pl.DataFrame(rows))
-    colours = {CAUSE_WORDS[cause]: colour for cause, colour in CAUSE_COLOURS.items()}
+    colours = {CAUSE[cause].title: colour for cause, colour in CAUSE_COLOURS.items()}
     panels = [
         alt.Chart(frame.filter(pl.col("when") == when), title=when)
         .mark_bar()
@@ -180,26 +180,26 @@ def causes(found: Examination) -> Figure | None:
     return Figure("causes", caption, alt.vconcat(*panels))
 
 
-def _worst_shares(found: Examination) -> list[Share]:
-    if found.attribution is None:
+def _worst_shares(exam: Examination) -> list[Share]:
+    if exam.attribution is None:
         return []
-    return sorted(found.attribution.shares, key=lambda share: -abs(share.worst))[:PANELS]
+    return sorted(exam.attribution.shares, key=lambda share: -abs(share.worst))[:PANELS]
 
 
-def parts(found: Examination) -> Figure | None:
+def parts(exam: Examination) -> Figure | None:
     """The parts of the worst row's drift over time."""
-    if found.attribution is None or not found.attribution.shares:
+    if exam.attribution is None or not exam.attribution.shares:
         return None
-    attribution: Attribution = found.attribution
+    attribution: Attribution = exam.attribution
     recording, share = attribution.recording, attribution.worst
-    curves = {CAUSE_WORDS[cause]: attribution.position[at, :, share.row] for at, cause in enumerate(CAUSES)}
+    curves = {CAUSE[cause].title: attribution.position[at, :, share.row] for at, cause in enumerate(CAUSES)}
     curves[_TOTAL] = recording.position[:, share.row]
     frame = pl.concat(
         _rounded(sampled(recording.time, values, 2 * POINTS)).with_columns(who=pl.lit(who))
         for who, values in curves.items()
     )
     unit = recording.layout.named[share.row].measure
-    colours = {CAUSE_WORDS[cause]: colour for cause, colour in CAUSE_COLOURS.items()} | {_TOTAL: "#888"}
+    colours = {CAUSE[cause].title: colour for cause, colour in CAUSE_COLOURS.items()} | {_TOTAL: "#888"}
     chart = (
         alt.Chart(frame, title=plain(share.label))
         .mark_line(strokeWidth=1.4)
@@ -214,11 +214,11 @@ def parts(found: Examination) -> Figure | None:
     return Figure("parts", f"The parts of the drift of the worst row, '{plain(share.label)}', over time.", chart)
 
 
-def work(found: Examination) -> Figure | None:
+def work(exam: Examination) -> Figure | None:
     """What the equalities did on the mechanism up to each moment."""
-    if found.attribution is None or not found.attribution.work.size:
+    if exam.attribution is None or not exam.attribution.work.size:
         return None
-    attribution = found.attribution
+    attribution = exam.attribution
     names = [plain(one.name) for one in attribution.recording.layout.equalities]
     most = np.argsort(-np.abs(np.nan_to_num(attribution.work)).max(axis=0), kind="stable")[:PANELS]
     frame = pl.concat(
@@ -245,9 +245,9 @@ def work(found: Examination) -> Figure | None:
 # What would hold.
 
 
-def pareto(found: Examination) -> Figure | None:
+def pareto(exam: Examination) -> Figure | None:
     """Drift against cost of the runs that were made, and those that no other beats in both."""
-    recipe = found.recipe
+    recipe = exam.recipe
     if recipe is None:
         return None
     own = recipe.authored.start
@@ -314,14 +314,14 @@ def pareto(found: Examination) -> Figure | None:
 # Forces.
 
 
-def forces(found: Examination) -> Iterator[Figure]:
+def forces(exam: Examination) -> Iterator[Figure]:
     """The wrench through the most loaded equalities over time, in the axes of one of the bodies, a figure each."""
-    theirs, ours = ({one.equality: one for one in some} for some in (found.given, found.determined))
+    theirs, ours = ({one.equality: one for one in some} for some in (exam.given, exam.determined))
     names = list(dict.fromkeys([*theirs, *ours]))
     load = {name: max(_load(one) for one in (theirs.get(name), ours.get(name)) if one is not None) for name in names}
     loaded = sorted(names, key=lambda name: -load[name])[:PANELS]
     for number, name in enumerate(name for name in names if name in loaded):
-        figure = _wrench_figure(found, number + 1, theirs.get(name), ours.get(name))
+        figure = _wrench_figure(exam, number + 1, theirs.get(name), ours.get(name))
         if figure is not None:
             yield figure
 
@@ -332,10 +332,10 @@ def _load(wrench: Wrench) -> float:
     return _largest(np.abs(some))
 
 
-def _wrench_figure(found: Examination, number: int, given: Wrench | None, determined: Wrench | None) -> Figure | None:
+def _wrench_figure(exam: Examination, number: int, given: Wrench | None, determined: Wrench | None) -> Figure | None:
     runs = [
         (who, wrench, run.time)
-        for who, wrench, run in ((MUJOCO, given, found.recording), (EXACT, determined, found.exact))
+        for who, wrench, run in ((MUJOCO, given, exam.recording), (EXACT, determined, exam.exact))
         if wrench is not None and run is not None
     ]
     if not runs:

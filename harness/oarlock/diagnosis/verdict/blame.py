@@ -17,6 +17,7 @@ from oarlock.diagnosis.runs.recipe import LOST, Recipe
 from oarlock.diagnosis.runs.row_law import Share
 from oarlock.diagnosis.runs.trials import Setting, Trial
 from oarlock.diagnosis.runs.versions import without_curvature
+from oarlock.diagnosis.verdict.causes import CAUSE, IMPLICIT
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found
 from oarlock.mechanics.rows import closing_jacobian
 
@@ -49,14 +50,6 @@ _IMPLICIT = 0.5
 _INSTANTS = 50
 
 _NAMED = 3
-
-_WORDS = {
-    "compliance": ("D1", "softness"),
-    "curvature": ("D2", "missing J̇v"),
-    "stepping": ("D3", "time stepping"),
-    "solver": ("D6", "what the solver left"),
-    "start": ("S1", "the open start"),
-}
 
 
 def in_words(names: list[str]) -> str:
@@ -96,13 +89,13 @@ def drift(exam: Examination) -> Iterator[Finding]:
             continue
         if share.name in beyond or share.leading == "start":  # the start has its own finding
             continue
-        code, words = _WORDS[share.leading]
+        cause = CAUSE[share.leading]
         if share.leading == "stepping" and _implicit(exam, _place(exam, share)) >= _IMPLICIT:
-            code, words = "D4", "implicit damping"
-        causes.setdefault((code, groups.get(share.name, -1)), []).append((share, worst, words))
+            cause = IMPLICIT
+        causes.setdefault((cause.code, groups.get(share.name, -1)), []).append((share, worst, cause.phrase))
     for (code, _), members in causes.items():
         share, worst, words = max(members, key=lambda one: abs(one[0].worst))
-        others = [f"{percent(part)} {_WORDS[cause][1]}" for cause, part in _seconds(share)]
+        others = [f"{percent(part)} {CAUSE[cause].phrase}" for cause, part in _seconds(share)]
         most = f"{percent(share.shares[share.leading])} of it is {words}"
         said = ", ".join([f"drifts {amount(exam, share)} at t = {share.time_s:.4g} s; {most}", *others])
         also = {one.name: abs(one.worst) for one, *_ in members if one is not share}

@@ -23,7 +23,7 @@ CATALOGUE = Path(__file__).with_name("findings.toml")
 WIDTH = 100
 """Columns of prose at most: longer lines are hard to read."""
 
-_FORMULA = "    "
+FORMULA = "    "
 """Lines of an entry that begin with it are formulas and stay as they are."""
 
 
@@ -66,8 +66,8 @@ class Entry:
 def _wrapped(prose: str, columns: int) -> list[str]:
     lines = []
     for line in prose.splitlines():
-        if line.startswith(_FORMULA):
-            lines.append(_FORMULA + line)
+        if line.startswith(FORMULA):
+            lines.append(FORMULA + line)
         else:
             lines += textwrap.wrap(line, columns, initial_indent="  ", subsequent_indent="  ")
     return lines

@@ -1,0 +1,115 @@
+"""Why: the drift by its causes."""
+
+import numpy as np
+
+from oarlock.base.numbers import figure, percent
+from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.page.blocks import Chapter, Table
+from oarlock.diagnosis.page.chapters.words import SINE_NOTE, why_not
+from oarlock.diagnosis.page.document import accelerations_table
+from oarlock.diagnosis.runs.row_law import Share
+from oarlock.diagnosis.verdict.causes import CAUSE
+
+ROUNDING = 1e-9
+"""Of the whole: a smaller part is rounding and not worth a line on a terminal."""
+
+_TITLES = tuple(cause.title for cause in CAUSE.values())
+
+
+def causes(exam: Examination) -> Chapter:
+    """The drift by its causes."""
+    chapter = Chapter("why", "Why", 4)
+    if exam.attribution is None or not exam.attribution.shares:
+        chapter.say(why_not(exam, "causes"))
+        return chapter
+    worst, shares = exam.attribution.worst, exam.attribution.shares
+    chapter.say(
+        f"'{worst.label}' is off by {_amount(exam, worst)} at t = {worst.time_s:.6g} s, of which "
+        f"{percent(worst.shares[worst.leading])} is {CAUSE[worst.leading].phrase}."
+    )
+    chapter.explain(
+        "Every row is a damped oscillator that its own force drives: r̈ + B ṙ + K d r = −R f + m − ε. Its deviation r "
+        "is the sum of the parts below, with sign; parts may exceed it and oppose one another. Softness: −R f with the "
+        "force f of a solver without error. Missing J̇v: m, what MuJoCo leaves out on joint and tendon rows. Solver: "
+        "what its solver left. Start: an open start. Time stepping: what the integrator did otherwise than the "
+        f"oscillator, with controls held over a step. The law holds to {figure(exam.attribution.defect)} here."
+    )
+    if any(one.kind == "weld" for one in exam.attribution.recording.layout.equalities):
+        chapter.explain(SINE_NOTE)
+    chapter.table(
+        "causes",
+        ("row", "off by", "at (s)", "leading", *_TITLES),
+        [
+            (
+                share.label,
+                _amount(exam, share),
+                f"{share.time_s:.6g}",
+                CAUSE[share.leading].title,
+                *(f"{figure(share.parts[cause])} ({percent(share.shares[cause])})" for cause in CAUSE),
+            )
+            for share in shares
+        ],
+        short=_short(exam, shares),
+    )
+    chapter.explain("Over the whole run, all rows of an equality: shares that add up to 100 %, and the work it did.")
+    chapter.table(
+        "work",
+        ("equality", *_TITLES, "root mean square", "work (J)"),
+        [
+            (
+                share.name,
+                *(percent(share.over_run[cause]) for cause in CAUSE),
+                f"{figure(share.total)} {_unit(exam, share)}",
+                figure(share.work),
+            )
+            for share in shares
+        ],
+    )
+    lost = float(np.abs(exam.attribution.recording.energy_error).max(initial=0.0))
+    chapter.explain(
+        f"Energy that came from nowhere, at most: {figure(lost, 'J')}. An exact loop does no work; work below 0 is "
+        "energy that the loop lost."
+    )
+    _accelerations(exam, chapter)
+    return chapter
+
+
+def _short(exam: Examination, shares: list[Share]) -> Table:
+    """An equality in a row: its worst row by cause, and its work over the run."""
+    rows = [
+        (
+            share.name,
+            _amount(exam, share),
+            f"{share.time_s:.6g}",
+            *(percent(share.shares[cause]) for cause in CAUSE),
+            figure(share.work),
+        )
+        for share in shares
+    ]
+    return Table("causes", ("equality", "worst row", "at s", *_TITLES, "work J"), rows)
+
+
+def _accelerations(exam: Examination, chapter: Chapter) -> None:
+    apart = accelerations_table(exam)
+    if apart.is_empty():
+        return
+    chapter.say(
+        "MuJoCo's acceleration less the exact one at the same states, by the same causes; all coordinates as one, "
+        "in rad/s² or m/s²."
+    )
+    head, whole = ("cause", "root mean square", "largest"), apart["rms"][-1]
+    rows = [
+        (CAUSE[row["cause"]].title if row["cause"] in CAUSE else "together", figure(row["rms"]), figure(row["max"]))
+        for row in apart.to_dicts()
+    ]
+    told = [row for row, rms in zip(rows, apart["rms"], strict=True) if not rms <= ROUNDING * whole]
+    chapter.table("accelerations", head, rows, short=Table("accelerations", head, told or rows))
+
+
+def _unit(exam: Examination, share: Share) -> str:
+    assert exam.attribution is not None
+    return exam.attribution.recording.layout.named[share.row].measure
+
+
+def _amount(exam: Examination, share: Share) -> str:
+    return f"{figure(share.worst)} {_unit(exam, share)}"

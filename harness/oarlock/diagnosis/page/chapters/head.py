@@ -1,0 +1,21 @@
+"""What was looked at and how it was made to move: what stands before the first chapter."""
+
+import numpy as np
+
+from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.page.blocks import plain
+from oarlock.diagnosis.page.chapters.words import counted
+from oarlock.diagnosis.runs.walking import integrator_name
+
+
+def head(exam: Examination) -> str:
+    """What was run, in a sentence or two."""
+    model = exam.model
+    off = model.neq - int(np.count_nonzero(model.eq_active0))
+    without = "it" if model.neq == 1 else "them"
+    text = (
+        f"{counted(model.neq, 'equality', 'equalities')}{f' ({off} switched off)' if off else ''}, "
+        f"{counted(model.nv, 'degree')} of freedom without {without}. The run: {exam.duration_s:g} s in {exam.steps} "
+        f"steps of {exam.timestep_s:g} s, integrator {integrator_name(model)}, from {exam.begins}; {exam.driven}."
+    )
+    return plain(f"{text} Left out: {exam.ignored}." if exam.ignored else text)
