@@ -1,1 +1,1 @@
-"""Ground that knows neither MuJoCo nor cases: errors, files, hashing, arrays, options, and the compiled core."""
+"""The ground floor: errors, files, hashing, arrays, options and the compiled core. Knows neither MuJoCo nor cases."""

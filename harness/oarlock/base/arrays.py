@@ -1,4 +1,4 @@
-"""Sizes and differences of arrays; a leading axis is that of steps."""
+"""Sizes and differences of vectors; all axes but the last are kept, such as an axis of steps."""
 
 import numpy as np
 
@@ -6,11 +6,14 @@ from oarlock.base.vectors import norm
 
 
 def relative_difference(value: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """‖value − reference‖ / ‖reference‖; the absolute difference where the reference is zero."""
+    """Computes ‖value − reference‖ / ‖reference‖ (…) of vectors (…, n).
+
+    Where ‖reference‖ is zero, it is the absolute difference.
+    """
     scale, difference = norm(reference), norm(value - reference)
     return difference / np.where(scale > 0, scale, 1.0)
 
 
 def largest(values: np.ndarray) -> np.ndarray:
-    """Largest magnitude of an entry; 0 of nothing."""
+    """Computes the largest magnitude (…) of the entries of vectors (…, n); 0 if n is 0."""
     return np.abs(values).max(-1, initial=0.0)

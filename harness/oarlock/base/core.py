@@ -1,4 +1,4 @@
-"""The compiled core; no other file of the package imports ``oarlock._core``."""
+"""Names of the compiled core. No other file of the package imports ``oarlock._core``."""
 
 from oarlock import _core
 from oarlock._core import (

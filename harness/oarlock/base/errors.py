@@ -1,4 +1,4 @@
-"""What a user can have got wrong, in one line that names the value and what was expected."""
+"""Errors for a user's mistakes: one line each, which names the value and what was expected."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -8,19 +8,22 @@ from oarlock.base.core import InputError
 __all__ = ["DiskError", "InputError", "RefusedError", "choose", "few", "one_line"]
 
 _NAMED = 4
-"""Names in a message at most; of more only their number is given."""
+"""Maximum number of names listed in a message; beyond that only the count of the others is given."""
 
 
 class RefusedError(InputError):
-    """A model that must not be run like this, found out on the way; ends everything, unlike a run that diverges."""
+    """A model that must not be run as it was asked, which shows only on the way.
+
+    Ends the whole comparison, whereas a run that diverges ends alone.
+    """
 
 
 class DiskError(InputError):
-    """The disk does not take what a run gives; ends everything, as ``RefusedError``."""
+    """Results that cannot be written to disk. Ends the whole comparison, like ``RefusedError``."""
 
 
 def one_line(text: object) -> str:
-    """Collapses a message to one line, so that it stays one on a terminal and in a log."""
+    """Joins the lines of a message, so that it takes one line on a terminal and in a log."""
     return " ".join(str(text).split())
 
 
@@ -28,10 +31,15 @@ Name = TypeVar("Name", bound=str)
 
 
 def choose(what: str, name: str, valid: Sequence[Name]) -> Name:
-    """Gives the one of ``valid`` that is called ``name``.
+    """Returns the member of ``valid`` that equals ``name``.
+
+    Args:
+        what: what the names stand for in a message, such as ``solver``.
+        name: the name that was given.
+        valid: the names that exist.
 
     Raises:
-        InputError: it is not; the message lists the valid ones.
+        InputError: ``name`` is not one of them; the message lists those that are.
     """
     if name not in valid:
         raise InputError(f"unknown {what} '{name}', expected one of: {', '.join(valid) or '(there are none)'}")
@@ -39,12 +47,12 @@ def choose(what: str, name: str, valid: Sequence[Name]) -> Name:
 
 
 def few(names: Sequence[str], last: str = "and", most: int = _NAMED) -> str:
-    """Joins names for a message, ``a, b and c``; of many the first ones and how many more there are.
+    """Joins names for a message, ``a, b and c``. Of more than ``most``, lists the first and counts the others.
 
     Args:
-        names: any number of them.
-        last: stands before the last name; if empty, a comma does, as within a longer list.
-        most: names to give at most.
+        names: the names.
+        last: word in front of the last name; if empty, a comma, as within a longer list.
+        most: maximum number of names to list.
     """
     if len(names) > most:
         return f"{', '.join(names[:most])} {last or 'and'} {len(names) - most} more"

@@ -1,4 +1,4 @@
-"""Files written whole or not at all, and read with the name of what cannot be."""
+"""Files that are written whole or not at all, and errors that name the file that cannot be read or written."""
 
 import os
 import re
@@ -15,7 +15,9 @@ from oarlock.base.errors import InputError, one_line
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Gives a temporary path beside ``path`` and moves it there when the block ends well.
+    """Yields a temporary path beside ``path``, and moves that file to ``path`` when the block ends without an error.
+
+    Folders are created as needed. Interruptions are held back meanwhile (see ``uninterrupted``).
 
     Raises:
         InputError: the file cannot be written (full disk, no permission).
@@ -35,9 +37,10 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Keeps an interruption back until the block is done, or the block around it.
+    """Holds back an interruption (SIGINT) until the block is done; of nested blocks, until the outermost is.
 
-    A library that is interrupted may leave half a file, and a finished run is more than one file.
+    A library that is interrupted may leave half a file, and a finished run consists of several files. Only the main
+    thread receives interruptions, so in any other thread this does nothing.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -55,17 +58,21 @@ def uninterrupted() -> Iterator[None]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Writes a text file whole or not at all."""
+    """Writes a text file in UTF-8, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[Path]:
-    """Says which table it was that cannot be read.
+    """Yields ``path``, and turns an error of reading it into one that names the file.
 
     Raises:
-        InputError: it is not there or not whole.
+        InputError: the file is missing or damaged.
     """
     try:
         yield path
@@ -74,7 +81,7 @@ def reading(path: Path) -> Iterator[Path]:
 
 
 def reason(error: Exception) -> str:
-    """What the system said. polars hides it in errors of its own."""
+    """Returns the system's reason for an error of a file. polars hides it in the text of its own errors."""
     if isinstance(error, OSError):
         return error.strerror or one_line(error)
     number = re.search(r"\(os error (\d+)\)", str(error))

@@ -1,4 +1,4 @@
-"""Digests of texts, files and documents."""
+"""Digests of texts, files and documents: the first 16 hexadecimal digits of their SHA-256."""
 
 import hashlib
 import json
@@ -7,12 +7,12 @@ from typing import Any
 
 
 def of_text(text: str) -> str:
-    """Sixteen hexadecimal digits."""
+    """Computes the digest of a text in UTF-8."""
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def of_file(path: Path) -> str:
-    """Sixteen hexadecimal digits of the contents; of nothing if it cannot be read."""
+    """Computes the digest of a file's contents; an empty text if the file cannot be read."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     except OSError:
@@ -20,5 +20,5 @@ def of_file(path: Path) -> str:
 
 
 def of_document(document: Any) -> str:
-    """The digest of what JSON can hold."""
+    """Computes the digest of a document as JSON with sorted keys; what JSON cannot hold counts as its ``str``."""
     return of_text(json.dumps(document, sort_keys=True, ensure_ascii=False, default=str))

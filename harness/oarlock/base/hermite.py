@@ -1,17 +1,18 @@
-"""Quintic Hermite polynomials: a curve through knots that has their first two derivatives too."""
+"""Quintic Hermite polynomials: a curve through knots that also has the given first and second derivatives there."""
 
 import numpy as np
 
 
 class QuinticHermite:
-    """On every interval the polynomial of degree five that has value, velocity and acceleration of both its ends.
+    """Interpolates on every interval by the quintic with the value, velocity and acceleration of both ends.
 
-    In Bernstein's basis, whose coefficients the ends give in closed form, all of the size of the curve's own values:
-    nothing large cancels. Evaluated by Horner's scheme, of sums and products only, it is the same on every machine.
+    The polynomials are in Bernstein's basis. The ends give its coefficients in closed form, and these are of the size
+    of the curve's own values, so that nothing large cancels. Horner's scheme uses sums and products only, so the result
+    is the same on every machine.
 
     Args:
-        knots: (n,), rising.
-        values: (n, derivative 0 to 2, component).
+        knots: rising places (n,).
+        values: value and first two derivatives at the knots (n, 3, components).
     """
 
     def __init__(self, knots: np.ndarray, values: np.ndarray):
@@ -29,7 +30,7 @@ class QuinticHermite:
         self._terms = (c0, 5 * c1, 10 * c2, 10 * c3, 5 * c4, c5)
 
     def __call__(self, at: np.ndarray) -> np.ndarray:
-        """The curve at n points between the first and the last knot, (n, component)."""
+        """Evaluates the curve (m, components) at m places between the first and the last knot."""
         interval = np.clip(self._knots.searchsorted(at, side="right") - 1, 0, len(self._widths) - 1)
         share = ((at - self._knots[interval]) / self._widths[interval])[:, None]
         value, rest, power = self._terms[0][interval], 1 - share, share

@@ -1,4 +1,4 @@
-"""``NAME:key=value,…``: how a solver and a parametrised model are asked for."""
+"""Specifications ``NAME:key=value,…``, by which solvers and parametrised models are asked for."""
 
 import math
 
@@ -10,15 +10,15 @@ _SWITCHES = {"true": True, "false": False}
 
 
 def split_options(text: str, what: str, switches: bool = False) -> tuple[str, dict[str, Number]]:
-    """Splits a specification into its name and options; an integer stays one.
+    """Splits a specification into its name and its options. Numbers that are written as integers become ``int``.
 
     Args:
         text: ``NAME`` or ``NAME:key=value,…``.
         what: what an option is called in a message, such as ``solver option``.
-        switches: whether ``true`` and ``false`` are values, too.
+        switches: whether ``true`` and ``false`` are allowed as values.
 
     Raises:
-        InputError: an option that is not key=number, or one that is given twice.
+        InputError: an option is not of the form key=number, or is given twice.
     """
     name, colon, rest = text.rpartition(":")
     if not colon:
@@ -50,7 +50,7 @@ def _number(text: str) -> Number:
 
 
 def join_options(name: str, options: dict[str, Number]) -> str:
-    """Joins a name and options to the specification that ``split_options`` reads; a switch is 0 or 1."""
+    """Joins a name and options to the specification that ``split_options`` takes apart. Switches become 0 or 1."""
     values = {key: int(value) if isinstance(value, bool) else value for key, value in options.items()}
     joined = ",".join(f"{key}={value!r}" for key, value in values.items())
     return f"{name}:{joined}" if joined else name

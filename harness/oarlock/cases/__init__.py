@@ -1,1 +1,1 @@
-"""Cases as written down: their files, parameters, points of a sweep, and outside truths."""
+"""Cases as they are written down: their files, parameters, points of a sweep, and outside truths."""

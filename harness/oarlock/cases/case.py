@@ -1,6 +1,6 @@
-"""A case: one folder of ``mjcf/`` with a model and its ``case.toml``, found by name or path.
+"""A case: a folder with a model and its ``case.toml``, found by the name of a model in ``mjcf/`` or by path.
 
-A parametrised model is one case with variants, addressed as ``NAME:key=value,…``.
+A parametrised model is one case with variants, which are addressed as ``NAME:key=value,…``.
 """
 
 import os
@@ -12,18 +12,18 @@ from oarlock.base.options import Number, join_options, split_options
 from oarlock.cases.case_file import CaseFile, fill, read_case_file
 
 MODELS = Path(__file__).parents[1] / "models"
-"""The models that come with oarlock (``mjcf/`` of the repository, carried in the wheel)."""
+"""Folder of the models that come with oarlock: ``mjcf/`` of the repository, which the wheel contains too."""
 
 
 class Case:
-    """A case file with the name of its model, its folder, and the parameters of a variant.
+    """A model and its case file, for one set of parameters.
 
     Attributes:
         model: name of the model.
-        model_path: ``model.xml`` or ``model.py``.
-        parameters: complete, in the order of the case file.
-        file: the contents that hold for these parameters.
-        listed: whether bounds were set for these parameters: the defaults or those of a variant.
+        model_path: path of ``model.xml``, ``model.py`` or any other MJCF file.
+        parameters: value of every parameter, in the order of the case file.
+        file: contents of the case file that hold for these parameters.
+        listed: whether the case file states bounds for these parameters, because they are the defaults or a variant's.
     """
 
     def __init__(self, model: str, model_path: Path, file: CaseFile, given: dict[str, Number] | None = None):
@@ -35,66 +35,75 @@ class Case:
 
     @property
     def name(self) -> str:
-        """``MODEL``, or ``MODEL:key=value,…`` with the parameters that are not the defaults."""
+        """Name of the case: ``MODEL``, or ``MODEL:key=value,…`` with the parameters that differ from the defaults."""
         defaults = self.file.parameters
         return join_options(self.model, {k: v for k, v in self.parameters.items() if v != defaults[k]})
 
     @property
     def slug(self) -> str:
-        """The name as a name for files and folders."""
+        """The name, with characters that suit files and folders."""
         return re.sub(r"[:,]", "-", self.name)
 
     @property
     def folder(self) -> Path:
-        """Where the model and its companions lie."""
+        """Folder of the model, its case file and its truth."""
         return self.model_path.parent
 
     @property
     def truth_path(self) -> Path | None:
-        """The table of the outside truth; None if there is none for these parameters."""
+        """Path of the table of the outside truth; None if there is none for these parameters."""
         if self.file.truth is None:
             return None
         path = self.folder / fill(self.file.truth.file, self.parameters)
         return path if self.listed or path.is_file() else None
 
     def at(self, parameters: dict[str, Number]) -> "Case":
-        """The case with some parameters changed and its run as it is; no published value is known to hold for it.
+        """Returns the case with some parameters changed, its run as it is, and without published values.
 
         Raises:
-            InputError: an unknown parameter, or a fraction where an integer is expected.
+            InputError: a parameter is unknown, or a fraction where an integer is expected.
         """
         other = Case(self.model, self.model_path, self.file, {**self.parameters, **parameters})
         other.file = other.file.model_copy(update={"run": self.file.run, "published": []})
         return other
 
     def expected(self) -> dict[str, int | str]:
-        """What the model must turn out to be at its start. Raises InputError as ``Expect.values``."""
+        """Returns what the model must turn out to be at its start (see ``Expect``).
+
+        Raises:
+            InputError: an expression of the parameters does not parse, or is not a whole number ≥ 0.
+        """
         return self.file.expect.values(self.parameters)
 
 
 def model_names() -> list[str]:
-    """Names of the models that come with oarlock, sorted."""
+    """Returns the names of the models that come with oarlock, sorted."""
     return sorted(path.parent.name for path in MODELS.glob("*/case.toml"))
 
 
 def variant_names(model: str | Path) -> list[str]:
-    """What the suite runs of a model: its name, then ``MODEL:key=value,…`` for every variant. For ``load_case``.
+    """Returns the names that the suite runs of a model: its own, then ``MODEL:key=value,…`` for every variant.
+
+    Args:
+        model: name of a model, or path of a folder or an MJCF file.
 
     Raises:
-        InputError: as ``load_case``.
+        InputError: there is no such model, or its ``case.toml`` has a mistake.
     """
     variants = load_case(model).file.variants
     return [str(model), *(join_options(str(model), variant.parameters) for variant in variants)]
 
 
 def load_case(model: str | Path) -> Case:
-    """Loads a case by the name of its model, the path of its folder, or the path of any MJCF file.
+    """Loads a case.
 
-    A parametrised model takes ``:key=value,…`` after it. An MJCF file next to a ``case.toml`` takes it; one without
-    runs with defaults.
+    Args:
+        model: name of a model that comes with oarlock, path of a folder with a ``case.toml``, or path of an MJCF file;
+            a parametrised model takes ``:key=value,…`` after it. A file ``model.xml`` or ``model.py`` uses the
+            ``case.toml`` beside it; any other file runs with defaults.
 
     Raises:
-        InputError: no such model, a mistake in its ``case.toml``, or a parameter that it does not have.
+        InputError: there is no such model, its ``case.toml`` has a mistake, or it lacks one of the parameters.
     """
     text, given = (str(model), {}) if os.path.exists(model) else split_options(str(model), "parameter")
     path = Path(text)

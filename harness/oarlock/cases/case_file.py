@@ -1,6 +1,6 @@
-"""``case.toml``: a model's start, its drive, what is expected of it, its experiments and gates.
+"""The contents of ``case.toml``: a model's start, its drive, what is expected of it, its experiments and gates.
 
-It is data. Every mistake in it is named with file, key, value and what was expected.
+A case file is data. An error names the file, the key, the value and what was expected.
 """
 
 import re
@@ -32,11 +32,16 @@ class _Table(BaseModel):
 
 
 class RunDefaults(_Table):
-    """How long, how fine, with which integrator, and how exact constraints are kept from drifting.
+    """How a case is run unless its command line says otherwise.
 
-    ``stabilisation``: ``baumgarte`` (terms in the accelerations), ``projection`` (no such terms; positions and
-    velocities are projected after every step) or ``both``. ``ignore_inequalities``: without the model's contacts,
-    limits and friction, MuJoCo too; where one becomes active otherwise, a run is refused.
+    Attributes:
+        duration_s: duration of a run, s.
+        timestep_s: timestep, s; None for the model's own.
+        integrator: integrator of every run that names none.
+        stabilisation: how exact constraints are kept from drifting: ``baumgarte`` (terms in the accelerations),
+            ``projection`` (no such terms; positions and velocities are projected after every step) or ``both``.
+        ignore_inequalities: whether to switch off the model's contacts, limits and friction, for MuJoCo as well.
+            Otherwise a run in which one becomes active is refused.
     """
 
     duration_s: Positive = 10.0
@@ -47,23 +52,33 @@ class RunDefaults(_Table):
 
 
 class Start(_Table):
-    """Joint name → position (rad, m; a list for ball and free joints) and → velocity; the rest as in the model."""
+    """The start of a case. What it does not name is as in the model.
+
+    Attributes:
+        qpos: name of a joint → its position, rad or m; a list for ball and free joints.
+        qvel: name of a joint → its velocity, rad/s or m/s; a list for ball and free joints.
+    """
 
     qpos: dict[str, Finite | list[Finite]] = {}
     qvel: dict[str, Finite | list[Finite]] = {}
 
 
 class Drive(_Table):
-    """Actuator name → law of time for its control, with named constants (numbers, or expressions of earlier ones)."""
+    """The controls of a case as laws of time.
+
+    Attributes:
+        constants: name → number, or expression of earlier constants.
+        ctrl: name of an actuator → expression of the time t (s) and the constants.
+    """
 
     constants: dict[str, Finite | str] = {}
     ctrl: dict[str, str] = {}
 
     def values(self) -> dict[str, float]:
-        """The constants as numbers.
+        """Evaluates the constants.
 
         Raises:
-            InputError: an expression does not parse or names something unknown.
+            InputError: an expression does not parse, depends on t, or names something unknown.
         """
         known: dict[str, float] = {}
         for name, value in self.constants.items():
@@ -76,7 +91,7 @@ class Drive(_Table):
         return known
 
     def laws(self) -> dict[str, TimeLaw]:
-        """Actuator name → parsed law.
+        """Parses the laws: name of an actuator → its law.
 
         Raises:
             InputError: a law does not parse or names something unknown.
@@ -91,10 +106,16 @@ class Drive(_Table):
 
 
 class Expect(_Table):
-    """What the model must turn out to be at its start: checked, not believed.
+    """What the model must turn out to be at its start. The values are compared with the model before it runs.
 
-    A number may be an expression of the parameters, such as ``6*N``. ``reactions``: whose multipliers the rigid model
-    determines, all equalities', some or none.
+    A number may be an expression of the parameters, such as ``6*N``.
+
+    Attributes:
+        nv: number of velocities.
+        rows: number of constraint rows.
+        rank: rank of the constraint Jacobian.
+        dof: degrees of freedom, nv − rank.
+        reactions: whether the rigid model determines the multipliers of all equalities, of some, or of none.
     """
 
     nv: Count | str | None = None
@@ -104,7 +125,7 @@ class Expect(_Table):
     reactions: Reactions | None = None
 
     def values(self, parameters: dict[str, Number]) -> dict[str, int | str]:
-        """What is expected, with the expressions evaluated.
+        """Evaluates what is expected, for given parameters.
 
         Raises:
             InputError: an expression does not parse, names something unknown, or is not a whole number ≥ 0.
@@ -118,7 +139,7 @@ class Expect(_Table):
 
 
 def _usable(name: str) -> bool:
-    """Whether an expression can use a parameter of this name: t, PI, E and the functions are taken."""
+    """Tells whether an expression can use a parameter of this name: t, PI, E and the functions are taken."""
     try:
         return re.fullmatch(r"[A-Za-z]\w*", name) is not None and TimeLaw(name, {name: 1.5}).at(0.0) == 1.5
     except InputError:
@@ -134,14 +155,25 @@ def _count(key: str, expression: str, parameters: dict[str, Number]) -> int:
 
 
 class Baumgarte(_Table):
-    """The hard form asks for J a = −J̇v − 2β Jv − k r, unless only projection stabilises it. β in 1/s, k in 1/s²."""
+    """Baumgarte's terms of the hard form, J a = −J̇v − 2β Jv − k r; not used where only projection stabilises.
+
+    Attributes:
+        beta: β, 1/s.
+        k: k, 1/s².
+    """
 
     beta: NonNegative = 0.0
     k: NonNegative = 0.0
 
 
 class Settings(_Table):
-    """A way of running MuJoCo itself; what is left out stays as in the model. Applied to every equality."""
+    """A named way of running MuJoCo itself. What is None stays as in the model.
+
+    Attributes:
+        solver: MuJoCo's constraint solver.
+        solref: solver reference parameters of every equality.
+        solimp: solver impedance parameters of every equality.
+    """
 
     solver: Literal["newton", "cg", "pgs"] | None = None
     solref: tuple[Finite, Finite] | None = None
@@ -149,7 +181,7 @@ class Settings(_Table):
 
 
 class _Observed(_Table):
-    """Of what something is known: one joint's coordinate or one site's place."""
+    """Base of tables that are about the coordinate of one joint or the place of one site."""
 
     joint: str | None = None
     site: str | None = None
@@ -164,10 +196,14 @@ class _Observed(_Table):
 
 
 class Truth(_Observed):
-    """Outside truth: a CSV.
+    """Outside truth: a trajectory in a CSV file.
 
-    Columns time, position, velocity, acceleration of a joint, or time, x, y, z, vx, vy, vz, ax, ay, az of a site.
-    ``{N}`` in the file's name stands for the parameter N; a file without it holds for all.
+    The columns are time, position, velocity and acceleration of a joint (rad or m), or time, x, y, z, vx, vy, vz, ax,
+    ay, az of a site (m, world frame).
+
+    Attributes:
+        file: name of the file. ``{N}`` in it stands for the value of the parameter N; without it, it holds for all.
+        source: where the trajectory comes from.
     """
 
     file: str
@@ -175,10 +211,15 @@ class Truth(_Observed):
 
 
 class Published(_Observed):
-    """A value printed by others, at one time.
+    """A value that others published, of a joint, a site or an equality at one time.
 
-    Of a joint (rad or m, per s), of a site (m, world frame), or the multipliers of one equality, row by row, in
-    MuJoCo's sign.
+    Attributes:
+        time_s: time, s.
+        equality: name of the equality, if the value is its multipliers.
+        position: coordinate of a joint (rad or m), or place of a site (m, world frame).
+        velocity: velocity of a joint, rad/s or m/s.
+        multipliers: multipliers of an equality, one per row, in MuJoCo's sign.
+        source: where the value was published.
     """
 
     time_s: NonNegative
@@ -206,14 +247,29 @@ class Published(_Observed):
 
 
 class Paper(_Table):
-    """Figures printed by others, for the report."""
+    """Figures that others published, shown in the report.
+
+    Attributes:
+        source: where they were published.
+        iterations_mean: mean number of iterations per solve.
+    """
 
     source: str
     iterations_mean: Positive | None = None
 
 
 class Experiment(_Table):
-    """A group of runs: every integrator × setting × form × solver it names."""
+    """A group of runs: every combination of the integrators, settings, forms and solvers that it names.
+
+    Attributes:
+        mode: what is compared.
+        walker: what advances the state in lockstep: ``mujoco``, or a solver, which does so in the hard form.
+        forms: forms of the question.
+        solvers: specifications of solvers.
+        integrators: integrators; None for the case's own.
+        stabilisation: how exact constraints are kept from drifting; None for the case's own.
+        settings: named ways of running MuJoCo.
+    """
 
     mode: Mode
     walker: str = "mujoco"
@@ -225,9 +281,15 @@ class Experiment(_Table):
 
 
 class Gate(_Table):
-    """A bound on a figure of the summary, on every run that ``where`` picks. ``cause`` says why this bound.
+    """A bound on a figure of the summary, for every run that ``where`` selects.
 
-    ``equal`` is for figures that are words.
+    Attributes:
+        figure: column of the summary.
+        where: column → value that a run must have to be selected.
+        min: lower bound.
+        max: upper bound.
+        equal: the value of a figure that is a word.
+        cause: why this is the bound.
     """
 
     figure: str
@@ -249,7 +311,7 @@ class Gate(_Table):
         return self
 
     def holds(self, value: float | str | None) -> bool:
-        """Whether a figure is within the bounds; one that was not measured is not."""
+        """Tells whether a figure is within the bounds; one that was not measured (None) is not."""
         if value is None or isinstance(value, str):
             return value is not None and value == self.equal
         return (
@@ -258,7 +320,7 @@ class Gate(_Table):
 
     @property
     def limit(self) -> str:
-        """The bounds in words."""
+        """The bounds for a table, such as ``≥ 1 and ≤ 2``."""
         bounds = [
             f"≥ {self.min:g}" if self.min is not None else "",
             f"≤ {self.max:g}" if self.max is not None else "",
@@ -272,11 +334,18 @@ DEFAULT_EXPERIMENTS = [
     Experiment(mode="lockstep", forms=["matched", "hard"], solvers=["pinv", "auto", "sr1"]),
     Experiment(mode="free", forms=["matched", "hard"], solvers=["mujoco", "pinv"]),
 ]
-"""What a case that names no experiments runs."""
+"""Experiments of a case that names none."""
 
 
 class Sweep(_Table):
-    """Free runs at several timesteps, besides the case's own: work against precision, in the suite's summary."""
+    """Free runs at several timesteps besides the case's own, for work against precision in the suite's summary.
+
+    Attributes:
+        timesteps_s: timesteps, s.
+        integrators: integrators.
+        solvers: specifications of solvers.
+        settings: named ways of running MuJoCo.
+    """
 
     timesteps_s: Annotated[list[Positive], Field(min_length=2)]
     integrators: list[Integrator] = ["euler", "rk4"]
@@ -285,10 +354,15 @@ class Sweep(_Table):
 
 
 class Variant(_Table):
-    """Parameters that the suite runs besides the defaults.
+    """A set of parameters that the suite runs besides the defaults.
 
-    ``run`` and ``expect`` (key by key), ``experiments`` and ``gates`` take the place of the case's; published values
-    hold for one set of parameters only, so that a variant has its own or none.
+    Attributes:
+        parameters: values of the parameters that differ from the defaults.
+        run: replaces the case's, key by key.
+        expect: replaces the case's, key by key.
+        published: published values of this variant; those of the case hold for the defaults only.
+        experiments: replace the case's, unless None.
+        gates: replace the case's, unless None.
     """
 
     parameters: Annotated[Parameters, Field(min_length=1)]
@@ -300,7 +374,29 @@ class Variant(_Table):
 
 
 class CaseFile(_Table):
-    """The contents of ``case.toml``."""
+    """The contents of ``case.toml``.
+
+    Attributes:
+        title: what the mechanism is, in a few words.
+        summary: what it is here to show.
+        source: where the model comes from.
+        tags: words to find it by.
+        rank_cut: eigenvalues of A below this part of the largest count as zero; None for the default.
+        parameters: name → default, of a parametrised model.
+        run: duration, timestep, integrator and stabilisation.
+        start: positions and velocities of the start.
+        drive: laws of the controls.
+        expect: what the model must turn out to be.
+        baumgarte: gains of Baumgarte's terms.
+        settings: name → way of running MuJoCo.
+        truth: the outside truth.
+        published: values that others published, for the default parameters.
+        paper: figures that others published.
+        experiments: what is run.
+        gates: bounds on figures of the summary.
+        sweep: timesteps for work against precision, with the default parameters.
+        variants: further sets of parameters.
+    """
 
     title: str
     summary: str = ""
@@ -344,7 +440,7 @@ class CaseFile(_Table):
         return self
 
     def listed_parameters(self) -> list[dict[str, Number]]:
-        """The defaults, then those of every variant.
+        """Returns the default parameters, then the complete ones of every variant.
 
         Raises:
             InputError: a variant names an unknown parameter, or gives a fraction where an integer is expected.
@@ -352,10 +448,10 @@ class CaseFile(_Table):
         return [self.parameters, *(self.complete(variant.parameters) for variant in self.variants)]
 
     def complete(self, given: dict[str, Number]) -> dict[str, Number]:
-        """The parameters with those that are given, in the order of the defaults; an integer stays one.
+        """Completes given parameters by the defaults, in their order. Parameters with an integer default stay integers.
 
         Raises:
-            InputError: an unknown parameter, or a fraction where an integer is expected.
+            InputError: a parameter is unknown or not finite, or a fraction where an integer is expected.
         """
         complete = dict(self.parameters)
         for name, value in given.items():
@@ -368,7 +464,7 @@ class CaseFile(_Table):
         return complete
 
     def of(self, parameters: dict[str, Number]) -> "CaseFile":
-        """The contents that hold for the parameters: what the variant that has them says takes the case's place."""
+        """Returns the contents that hold for complete parameters, with what the variant that has them replaces."""
         if parameters == self.parameters:
             return self
         changes: dict[str, Any] = {"published": []}
@@ -381,7 +477,7 @@ class CaseFile(_Table):
         return self.model_copy(update=changes)
 
     def setting(self, name: str) -> Settings:
-        """The named way of running MuJoCo; ``default`` is the model as it stands.
+        """Returns a named way of running MuJoCo; ``default`` is the model as it stands.
 
         Raises:
             InputError: there is none of that name.
@@ -393,10 +489,10 @@ class CaseFile(_Table):
 
 
 def fill(template: str, parameters: dict[str, Number]) -> str:
-    """A file name with ``{N}`` replaced by the value of the parameter N.
+    """Replaces ``{N}`` in a file name by the value of the parameter N.
 
     Raises:
-        InputError: it names something that is no parameter.
+        InputError: the braces name something that is not a parameter.
     """
 
     def value(match: re.Match[str]) -> str:
@@ -406,10 +502,10 @@ def fill(template: str, parameters: dict[str, Number]) -> str:
 
 
 def read_case_file(path: Path) -> CaseFile:
-    """Reads and checks a ``case.toml``.
+    """Reads and validates a ``case.toml``.
 
     Raises:
-        InputError: not readable, not TOML, or a value that is not as expected.
+        InputError: the file is not TOML, or a value in it is not as expected.
     """
     try:
         data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""A point of a sweep: where a run leaves what its case says, and with which values."""
+"""A point of a sweep: in which values a run departs from its case."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,7 +7,7 @@ from oarlock.base.options import Number
 from oarlock.cases.case import Case
 
 DISTURBANCE = 0.05
-"""Standard deviation of what a seed adds to a start: of every coordinate in rad or m, of every velocity per s."""
+"""Standard deviation of what a seed adds to every coordinate (rad or m) and velocity (rad/s or m/s) of a start."""
 
 
 TIMESTEP, SOLREF, SEED = "timestep", "solref", "seed"
@@ -17,12 +17,16 @@ KEYS = {
     SOLREF: "time constant of MuJoCo's equalities in s, with the damping ratio 1",
     SEED: "number of the disturbance of the start",
 }
-"""What can be swept of every model. Any other key is a parameter of the model; one of these names is out of reach."""
+"""What can be swept of every model. Any other key is a parameter of the model; one of these names hides a parameter."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """Key → value, in the order of the sweep; nothing: the case as it is."""
+    """Values in which a run departs from its case.
+
+    Attributes:
+        values: pairs of key and value, in the order of the sweep; empty for the case as it is.
+    """
 
     values: tuple[tuple[str, Number], ...] = ()
 
@@ -33,13 +37,17 @@ class Point:
         return ",".join(f"{key}={value!r}" for key, value in self.values)
 
     def get(self, key: str) -> Any:
-        """A value, or None where the case's own holds."""
+        """Returns the value of a key, or None where the case's own holds."""
         return dict(self.values).get(key)
 
     def of(self, case: Case) -> Case:
-        """The case with the parameters that the point names. Raises InputError as ``Case.at``."""
+        """Returns the case with the parameters that the point names.
+
+        Raises:
+            InputError: the case has no such parameter, or expects an integer.
+        """
         return case.at({key: value for key, value in self.values if key not in KEYS}) if self else case
 
 
 OWN = Point()
-"""The case as it is."""
+"""The point of the case as it is."""

@@ -1,4 +1,4 @@
-"""Outside truth: a trajectory that no engine of the comparison computed."""
+"""Outside truths: trajectories that no engine of the comparison computed."""
 
 import csv
 from pathlib import Path
@@ -14,9 +14,20 @@ SITE_COLUMNS = ["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
 
 
 class TruthTrajectory:
-    """A joint's coordinate or a site's place over time, by quintic Hermite polynomials between the rows of a CSV.
+    """A joint's coordinate or a site's place over time, interpolated by quintic Hermite polynomials.
 
     With rows every 2.5 ms the interpolation error stays below 1e-12 rad on the boat (a test measures it).
+
+    Attributes:
+        begin: first time of the table, s.
+        end: last time of the table, s.
+
+    Args:
+        path: CSV file; lines that begin with ``#`` are comments.
+        columns: its header.
+
+    Raises:
+        InputError: the file cannot be read, or is not a table of finite numbers at rising times with these columns.
     """
 
     def __init__(self, path: Path, columns: list[str] = JOINT_COLUMNS):
@@ -39,14 +50,14 @@ class TruthTrajectory:
         self._curve = QuinticHermite(table[:, 0], table[:, 1:].reshape(len(table), 3, -1))
 
     def position(self, time: np.ndarray) -> np.ndarray:
-        """Coordinate, (n, 1) in rad or m, or place, (n, 3) in m, at n times (s); NaN outside the table."""
+        """Evaluates the coordinate (n, 1; rad or m) or the place (n, 3; m) at n times (s); NaN outside the table."""
         # Step times are sums of rounded steps: the last one may pass the end of the table by rounding.
         inside = (time >= self.begin) & (time <= self.end * (1 + 1e-12))
         return np.where(inside[:, None], self._curve(np.clip(time, self.begin, self.end)), np.nan)
 
 
 def load_truth(case: Case) -> TruthTrajectory | None:
-    """The truth of a case, or None if it has none.
+    """Loads the outside truth of a case; None if it has none.
 
     Raises:
         InputError: the table is missing or malformed.

@@ -1,1 +1,1 @@
-"""What runs leave behind: schema, Parquet tables, summaries, folders, provenance, the ledger of a suite."""
+"""What runs leave behind: schema, Parquet tables, summaries, folders, provenance and the ledger of a suite."""

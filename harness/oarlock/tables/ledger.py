@@ -1,4 +1,4 @@
-"""What of a case a suite has finished, in ``units.json`` beside the case's tables: the ground to resume on."""
+"""The ledger of a case: which units a suite has finished, so that it can resume. Kept in ``units.json``."""
 
 import json
 from dataclasses import dataclass, field
@@ -11,10 +11,10 @@ from oarlock.base.hashing import of_text
 from oarlock.tables.folder import ResultFolder
 
 NAME = "units.json"
-"""File of a ledger."""
+"""Name of the file of a ledger."""
 
 TABLE = "sweep.csv"
-"""File of the table of a sweep."""
+"""Name of the file with the table of a sweep."""
 
 _TAIL = 65536
 _KEYS = {"digest", "status", "message", "seconds", "point", "rows", "files", "model"}
@@ -22,7 +22,7 @@ _KEYS = {"digest", "status", "message", "seconds", "point", "rows", "files", "mo
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a unit was not done.
+    """Why a unit was not finished.
 
     Attributes:
         status: ``refused`` (bad input) or ``failed`` (anything else).
@@ -38,15 +38,15 @@ class Failure:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a unit gave.
+    """What a unit returned.
 
     Attributes:
-        failure: why it was not done; None if it was.
-        seconds: time it took.
-        rows: one summary row per run; at a point of a sweep with the point, and the size of the model there.
-        files: name within the folder of results → contents: the tables, and from the first unit the truth.
-        model: description of the model, from the first unit.
-        sketch: its drawing, from the first unit.
+        failure: why it was not finished; None if it was.
+        seconds: time that it took, s.
+        rows: one summary row per run; at a point of a sweep with the point and the size of the model there.
+        files: name within the folder of results → contents: the tables and, from a case's first unit, the truth.
+        model: description of the model, from a case's first unit.
+        sketch: drawing of the model, from a case's first unit.
     """
 
     failure: Failure | None = None
@@ -58,7 +58,7 @@ class Outcome:
 
 
 def fingerprint(path: Path) -> str | None:
-    """Size and end of a file: a Parquet file ends with the statistics of all its columns. None if it is not there."""
+    """Identifies a file by its size and its end, where Parquet has the statistics of all columns; None if missing."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, 2)
@@ -69,9 +69,10 @@ def fingerprint(path: Path) -> str | None:
 
 
 class Ledger:
-    """The finished and the failed units of one case.
+    """The finished and failed units of one case.
 
     Attributes:
+        folder: folder of results of the case.
         case: name of the case.
         refused: why the case cannot be run at all; empty if it can.
         entries: name of a unit → digest, status, message, seconds, point, rows, files (name → fingerprint), model.
@@ -85,7 +86,7 @@ class Ledger:
 
     @classmethod
     def read(cls, path: Path, case: str = "") -> "Ledger":
-        """The ledger of a folder; an empty one where there is none or what there is cannot be read."""
+        """Reads the ledger of a folder; an empty one if there is none or it cannot be read."""
         folder = ResultFolder(path)
         try:
             content = folder.read_json(NAME)
@@ -97,24 +98,28 @@ class Ledger:
         return cls(folder, case)
 
     def write(self) -> None:
-        """Keeps it."""
+        """Writes the ledger.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
         self.folder.write_json(NAME, {"case": self.case, "refused": self.refused, "units": self.entries})
 
     def finished(self, unit: str, digest: str) -> bool:
-        """Whether the unit was done with the same digest, and its tables are still there."""
+        """Tells whether a unit was finished with the same digest and its tables are still there, unchanged."""
         entry = self.entries.get(unit)
         if entry is None or entry["status"] != "done" or entry["digest"] != digest:
             return False
         return all(fingerprint(self.folder.path / name) == mark for name, mark in entry["files"].items())
 
     def keep(self, unit: str, digest: str, point: dict[str, Any], outcome: Outcome) -> None:
-        """Keeps what a unit gave, all of it or nothing: its tables first, so that what the ledger names is there.
+        """Writes what a unit returned, all of it or nothing; the tables first, so that what the ledger names exists.
 
         Args:
-            unit: its name.
-            digest: of everything it depends on.
-            point: key → value, of a sweep; empty for the case's own runs.
-            outcome: what it gave.
+            unit: name of the unit.
+            digest: digest of everything that the unit depends on.
+            point: key → value at a point of a sweep; empty for the case's own runs.
+            outcome: what the unit returned.
 
         Raises:
             InputError: the folder cannot be written.
@@ -146,28 +151,32 @@ class Ledger:
         self.write()
 
     def settle(self, units: list[str]) -> None:
-        """Forgets units that are no longer planned, and puts the rest in the order of the plan."""
+        """Drops units that are no longer planned and puts the rest in the order of the plan.
+
+        Args:
+            units: names of the planned units, in order.
+        """
         entries = {name: self.entries[name] for name in units if name in self.entries}
         if list(entries) != list(self.entries):
             self.entries = entries
             self.write()
 
     def seconds(self, unit: str) -> float | None:
-        """Time that the unit took when it was last done; None if it never was."""
+        """Returns the time (s) that a unit took when it was last finished; None if it never was."""
         entry = self.entries.get(unit)
         return entry["seconds"] if entry and entry["status"] == "done" else None
 
     def rows(self, *, sweep: bool = False) -> list[dict[str, Any]]:
-        """Summary rows of the units that were done: of the case's own experiments, or of a sweep."""
+        """Returns the summary rows of the finished units: of the case's own experiments, or of a sweep."""
         done = [entry for entry in self.entries.values() if entry["status"] == "done" and bool(entry["point"]) == sweep]
         return [row for entry in done for row in entry["rows"]]
 
     def model(self) -> dict[str, Any] | None:
-        """The description of the model, if the unit that gives it was done."""
+        """Returns the description of the model; None if the unit that gives it was not finished."""
         return next((entry["model"] for entry in self.entries.values() if entry["model"]), None)
 
     def failures(self) -> dict[str, Failure]:
-        """Name of a unit that was not done → why."""
+        """Returns why units were not finished, by name of the unit."""
         return {
             name: Failure(entry["status"], entry["message"])
             for name, entry in self.entries.items()

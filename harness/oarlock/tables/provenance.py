@@ -1,7 +1,7 @@
-"""Where figures come from: versions, platform, commit, inputs. In two parts, so that a report can be reproduced.
+"""The provenance of figures, in two parts, so that a report can be reproduced.
 
-``inputs`` is the same whenever the same files are run with the same versions on the same kind of machine;
-``occasion`` (commit, date, machine) is not, and never enters a tracked report.
+``inputs`` (versions, kind of machine, digests of files) is the same whenever the same files are run with the same
+versions on the same kind of machine. ``occasion`` (commit, date, machine) is not, and never enters a tracked report.
 """
 
 import datetime
@@ -17,11 +17,11 @@ from oarlock.base import core
 from oarlock.cases.case import Case
 
 OCCASION = ("commit", "date", "cores", "kernel")
-"""What differs from one occasion to the next."""
+"""Keys of a provenance that differ from one occasion to the next."""
 
 
 def occasion_of(provenance: dict[str, Any]) -> dict[str, Any]:
-    """The part of a provenance that differs from one occasion to the next; None for what it lacks."""
+    """Returns the part of a provenance that differs from one occasion to the next; None for what it lacks."""
     return {key: provenance.get(key) for key in OCCASION}
 
 
@@ -33,7 +33,7 @@ def _digest(path: Path) -> str | None:
 
 
 def versions() -> dict[str, Any]:
-    """Versions and kind of machine."""
+    """Returns the versions of oarlock, Python and the packages that compute or draw, and the kind of machine."""
     return {
         "oarlock": core.VERSION,
         "core_profile": core.BUILD_PROFILE,
@@ -44,7 +44,7 @@ def versions() -> dict[str, Any]:
 
 
 def inputs(case: Case) -> dict[str, Any]:
-    """Versions, kind of machine and digests of the case's files."""
+    """Returns the versions, the kind of machine and digests of the case's files."""
     return {
         **versions(),
         "case": case.name,
@@ -69,7 +69,7 @@ def _commit() -> str | None:
 
 
 def occasion() -> dict[str, Any]:
-    """Commit, date and machine of this run."""
+    """Returns commit, date, number of cores and kernel of this run."""
     return {
         "commit": _commit(),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

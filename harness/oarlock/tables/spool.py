@@ -1,4 +1,4 @@
-"""The rows of a run on their way: few in memory, more of them on disk."""
+"""Buffers for the rows of a run: short tables stay in memory, long ones go to disk."""
 
 import shutil
 import tempfile
@@ -15,27 +15,32 @@ from oarlock.base.files import reason
 Schema = Mapping[str, pl.DataType | type[pl.DataType]]
 
 HELD = 32 * 2**20
-"""Bytes of a table that are kept in memory: some 80 000 steps of a small mechanism. What is longer goes to disk."""
+"""Bytes of a table that are kept in memory, some 80 000 steps of a small mechanism. Longer tables go to disk."""
 
 HELD_TOGETHER = 4 * HELD
-"""Bytes that all tables of one walk may keep in memory."""
+"""Bytes that all tables of one walk together may keep in memory."""
 
 PART = 4 * 2**20
-"""Bytes of a part on disk, once a table goes there."""
+"""Bytes of each part on disk, once a table goes there."""
 
 SLICE = 1000
-"""Rows that a table on disk hands on at once: with many cores, as many slices are under way."""
+"""Rows that a table on disk hands to polars at once. polars reads ahead one such slice per core."""
 
 GROUP = 20_000
-"""Rows of a group in a Parquet file: what its writer holds, and its reader."""
+"""Rows per group of a Parquet file, which its writer and its reader hold in memory."""
 
 
 class Spool:
-    """Takes a table chunk by chunk and gives it again, as often as it is asked.
+    """A table that is written chunk by chunk and can be read as often as needed.
 
-    Up to ``held`` bytes stay in memory. Beyond that the rows go to Parquet files in a temporary folder, made when it is
-    needed, in ``folder`` or where the system keeps such. It lives as long as the spool or a lazy table made of it,
-    and ends with the process, also with an interrupted one.
+    Up to ``held`` bytes stay in memory. Beyond that the rows go to Parquet files in a temporary folder, which is made
+    when it is needed. It is removed when neither the spool nor a lazy table of it is left, and at the end of the
+    process, also of an interrupted one.
+
+    Args:
+        schema: name → type of every column.
+        folder: where the temporary folder is made; None for the system's.
+        held: bytes that may stay in memory; None for ``HELD``.
     """
 
     def __init__(self, schema: Schema, folder: Path | None = None, held: int | None = None):
@@ -52,14 +57,14 @@ class Spool:
 
     @property
     def on_disk(self) -> bool:
-        """Whether it has become too long for the memory."""
+        """Whether the table has become too long for memory."""
         return bool(self._parts)
 
     def append(self, chunk: pl.DataFrame) -> None:
-        """Takes rows of the schema.
+        """Appends rows of the schema.
 
         Raises:
-            DiskError: they cannot be written.
+            DiskError: the rows cannot be written to disk.
         """
         if chunk.is_empty():
             return
@@ -70,7 +75,11 @@ class Spool:
             self._write()
 
     def chunks(self, columns: Sequence[str] | None = None) -> Iterator[pl.DataFrame]:
-        """The rows, in order, with a part in memory at a time."""
+        """Yields the rows in order, one part in memory at a time.
+
+        Args:
+            columns: names of the columns; None for all.
+        """
         wanted = list(columns) if columns is not None else list(self._schema)
         for part in self._parts:
             yield pl.read_parquet(part, columns=wanted)
@@ -78,27 +87,27 @@ class Spool:
             yield self._rest().select(wanted)
 
     def lazy(self) -> pl.LazyFrame:
-        """The rows as a lazy table. ``collect`` makes one of it in memory, unless it is long."""
+        """Returns the rows as a lazy table, which reads long ones from disk in slices."""
         if not self._parts:
             return self._rest().lazy()
         return register_io_source(self._source, schema=pl.Schema(self._schema), is_pure=True)
 
     def collect(self, *expressions: pl.Expr) -> pl.DataFrame:
-        """What is asked of the rows, without having all of them in memory."""
+        """Evaluates expressions over the rows without having all of them in memory."""
         return self.lazy().select(*expressions).collect(engine="streaming" if self._parts else "auto")
 
     def frame(self) -> pl.DataFrame:
-        """All rows in memory."""
+        """Returns all rows in memory."""
         return self.lazy().collect()
 
     def close(self) -> None:
-        """Forgets the rows."""
+        """Drops the rows and removes the temporary folder."""
         self._held, self._parts, self._bytes, self._height = [], [], 0, 0
         if self._home is not None:
             shutil.rmtree(self._home, ignore_errors=True)
 
     def _rest(self) -> pl.DataFrame:
-        """The rows in memory, which become one table."""
+        """Joins the rows in memory to one table and returns it."""
         if len(self._held) != 1:
             self._held = [pl.concat(self._held) if self._held else pl.DataFrame(schema=self._schema)]
         return self._held[0]
@@ -127,7 +136,7 @@ class Spool:
     def _source(
         self, with_columns: list[str] | None, predicate: pl.Expr | None, n_rows: int | None, batch_size: int | None
     ) -> Iterator[pl.DataFrame]:
-        """As polars asks a source."""
+        """Yields the rows the way polars asks an IO source for them."""
         for chunk in self.chunks(with_columns):
             for rows in chunk.iter_slices(SLICE):
                 taken = rows if n_rows is None else rows.head(n_rows)
@@ -139,5 +148,11 @@ class Spool:
 
 
 def spools(count: int, schema: Schema, folder: Path | None = None) -> list[Spool]:
-    """A spool for each table of one walk. The more there are, the less each keeps in memory."""
+    """Makes the spools for the tables of one walk. The more there are, the less each keeps in memory.
+
+    Args:
+        count: number of tables.
+        schema: name → type of every column.
+        folder: where long tables go; None for the system's temporary folder.
+    """
     return [Spool(schema, folder, min(HELD, HELD_TOGETHER // count)) for _ in range(count)]
