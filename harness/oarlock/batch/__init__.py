@@ -1,1 +1,1 @@
-"""Many cases at once: units, workers, digests, resumption, and the pages of suites and sweeps."""
+"""Many cases at once: units, workers, digests, resumption, and pages of suites and sweeps."""

@@ -1,8 +1,8 @@
 """The workers of a dask.distributed cluster: those of a running scheduler, or processes of this machine.
 
-An item is meant for one worker, which has no other of ours in work. A death has one possible cause then: the dead
-worker's item is done again elsewhere, once, and the others never notice. What MuJoCo keeps for a whole process is safe
-as well, however many threads a worker has.
+An item is meant for one worker, which has no other item of oarlock in work. So a death has one possible cause: the dead
+worker's item is run again elsewhere, once, and the others are not affected. What MuJoCo keeps for a whole process is
+safe as well, however many threads a worker has.
 """
 
 import asyncio
@@ -30,35 +30,39 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 LOCAL = "local"
-"""Instead of an address: a cluster of processes of this machine."""
+"""Stands for a cluster of processes of this machine in place of an address."""
 
 _CONNECT_S = 4.0
 _ANSWER_S = 6.0
-"""Longer than it takes to connect: what listens there may be no scheduler."""
+"""Time to wait for an answer, s; longer than it takes to connect, because what listens may be no scheduler."""
 _LOOK_S = 0.5
 _ALONE_S = 10.0
-"""So long without a worker before somebody is told."""
+"""Time without a worker after which the user is told, s."""
 _CLOSE_S = 15.0
 
 _LOGGERS = ("distributed", "distributed.client", "distributed.gc", "tornado", "tornado.application", "asyncio")
 
 _ME = uuid.uuid4().hex
-"""This process as a worker: one that was restarted has the address of the one that died, and must not go on for it."""
+"""Identifies this process as a worker: a restarted one has the address of the one that died, but not its work."""
 
 _ONE_AT_A_TIME = threading.Lock()
 
 
 _THERE = "__import__('oarlock.batch.cluster').batch.cluster.{}(*arguments)"
-"""By name, for ``eval``: a worker that cannot import what it is sent would end without a word to us."""
+"""Names a function for ``eval`` on a worker. A worker that cannot import a pickled one would end without a word."""
 
 
 def greet() -> tuple[str, str]:
-    """What a worker says of itself: who it is, and the digest of its program."""
+    """Returns the identity of this worker and the digest of its program."""
     return _ME, digest.program()
 
 
 def work(worker: str, call: bytes) -> Any:
-    """Does an item at a worker, if it is the one that is meant."""
+    """Runs an item on this worker, if it is the one that is meant.
+
+    Raises:
+        RuntimeError: another worker is meant, or the item ended the process.
+    """
     if worker != _ME:
         raise RuntimeError("meant for a worker that is gone")
     function, item = pickle.loads(call)
@@ -70,7 +74,7 @@ def work(worker: str, call: bytes) -> Any:
 
 
 class _GoneError(Exception):
-    """The worker went before the result was here."""
+    """The worker was gone before its result arrived."""
 
     def __init__(self, expected: bool):
         super().__init__()
@@ -82,9 +86,9 @@ class _Seat:
     """A worker of the cluster.
 
     Attributes:
-        address: where it is.
-        gone: done when it is; whether that was meant.
-        worker: its ``_ME``, once it said so.
+        address: address of the worker.
+        gone: resolved when the worker is gone, with whether that was intended.
+        worker: its identity ``_ME``, once it is known.
         unfit: why it cannot be used; empty if it can.
     """
 
@@ -95,21 +99,22 @@ class _Seat:
 
 
 class Cluster:
-    """Workers of a cluster, as they come and go; those with another program than this one are left out.
+    """The workers of a cluster, as they come and go. Workers with another program than this one are left out.
 
-    Everything about them happens in one thread with a loop of its own.
+    Everything about them happens in one thread with an event loop of its own.
     """
 
     def __init__(self, scheduler: str, jobs: int | None, say: Callable[[str], None]):
-        """Connects to a scheduler; a local cluster is started when it is needed.
+        """Connects to a scheduler. A local cluster is started when it is needed.
 
         Args:
-            scheduler: its address, or ``local``.
-            jobs: items in work at once; of a local cluster its processes. None for as many as there are workers.
-            say: is told what the user should know while it runs.
+            scheduler: address of the scheduler, or ``local``.
+            jobs: number of items in work at once, or of processes of a local cluster; None for as many as there are
+                workers.
+            say: called with what the user should know while it runs.
 
         Raises:
-            InputError: dask.distributed is not installed, or no scheduler answers there.
+            InputError: dask.distributed is not installed, or no scheduler answers at the address.
         """
         self._scheduler = _checked(scheduler)
         self._jobs = jobs
@@ -135,24 +140,24 @@ class Cluster:
 
     @property
     def slots(self) -> int:
-        """No bound: what finds no free worker waits here, for their number changes."""
+        """Number of items in work at once, by default unbounded: workers come and go, and items wait here for them."""
         return self._jobs or sys.maxsize
 
     def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
-        """As ``Workers``; breaks nothing else, for a second death is the item's own fault."""
+        """Hands out an item; see ``Workers``. A death breaks nothing else, so a second one is the item's own fault."""
         self._begin()
         return asyncio.run_coroutine_threadsafe(self._do(pickle.dumps((function, item))), self._loop)
 
     def renew(self) -> str:
-        """As ``Workers``; never needed, for they never break as a whole."""
+        """Does nothing, because the workers never break as a whole; see ``Workers``."""
         return "its worker died"
 
     def close(self) -> None:
-        """As ``Workers``."""
+        """Releases the workers once all work is finished; see ``Workers``."""
         self._end()
 
     def kill(self) -> None:
-        """As ``Workers``; a unit that a remote worker has begun is finished there, for nobody."""
+        """Ends at once; see ``Workers``. What a remote worker has begun is finished there, and its result lost."""
         self._hard = True
         self._end()
 
@@ -250,7 +255,7 @@ class Cluster:
                 told = True
 
     def _hear(self, event: tuple[float, Any]) -> None:
-        """An event of the scheduler."""
+        """Handles an event of the scheduler."""
         match event[1]:
             case {"action": "add-worker", "worker": address}:
                 self._welcome(address)
@@ -333,7 +338,7 @@ class Cluster:
             future.release()
 
     def _lose(self, why: str) -> LostError:
-        """Ends all that is waiting; the first reason counts."""
+        """Ends everything that is waiting; the first reason counts."""
         self._lost = self._lost or LostError(f"scheduler {self._scheduler}: {why}")
         for task in self._tasks:
             task.cancel()
@@ -353,7 +358,7 @@ def _checked(scheduler: str) -> str:
 
 
 def _distributed() -> Any:
-    """The package, which says nothing by itself: what matters of it becomes a line of our own."""
+    """Imports the package and silences its loggers: what matters becomes a line of our own."""
     try:
         module = importlib.import_module("distributed")
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""Digest of everything a run depends on: while it stays the same, so do the figures of the run."""
+"""Digests of everything a run depends on: while they stay the same, so do the figures of the run."""
 
 import ast
 import functools
@@ -14,13 +14,13 @@ from oarlock.base.hashing import of_document, of_file, of_text
 from oarlock.cases.case import Case
 
 COMPUTING = ("base", "cases", "tables", "mechanics", "stepping", "experiments")
-"""Rooms that the figures of a run depend on, and with them ``unit.py``; the other rooms only present them."""
+"""Rooms that the figures of a run depend on, besides ``unit.py``. The other rooms only present them."""
 
 PRESENTING = ("base", "cases", "tables", "render", "report")
 """Rooms that the pages of results depend on."""
 
 TOLD = {"title", "summary", "source", "tags", "expect", "paper", "experiments", "gates", "variants", "sweep"}
-"""Keys of a case file that are read after its runs, or that say which runs there are."""
+"""Keys of a case file that no run depends on: they are read after the runs, or say which runs there are."""
 
 
 _HARNESS = Path(__file__).parents[1]
@@ -28,7 +28,7 @@ _HARNESS = Path(__file__).parents[1]
 
 @functools.cache
 def program() -> str:
-    """Digest of everything that computes: the compiled core, the computing rooms, the versions, the kind of machine."""
+    """Computes the digest of what computes: the compiled core, the rooms, the versions and the kind of machine."""
     sources = {name: _code(path) for name, path in _sources(COMPUTING).items()}
     sources["unit"] = _code(Path(__file__).with_name("unit.py"))
     versions = {name: importlib.metadata.version(name) for name in ("mujoco", "numpy", "scipy")}
@@ -38,26 +38,27 @@ def program() -> str:
 
 @functools.cache
 def presentation() -> str:
-    """Digest of what makes pages from results."""
+    """Computes the digest of what makes pages from results."""
     sources = {name: of_file(path) for name, path in _sources(PRESENTING).items()}
     sources |= {path.name: of_file(path) for path in sorted(_HARNESS.glob("render/templates/*"))}
     return of_document([sources, [importlib.metadata.version(name) for name in ("altair", "vl-convert-python")]])
 
 
 def _sources(rooms: Sequence[str]) -> dict[str, Path]:
-    """The sources of some rooms, by room and name."""
+    """Returns the sources of some rooms: ``room/name`` → path."""
     return {f"{room}/{path.stem}": path for room in rooms for path in sorted((_HARNESS / room).glob("*.py"))}
 
 
 def _code(path: Path) -> str:
-    """A source without its comments and its layout."""
+    """Computes the digest of a source without its comments and its layout."""
     return of_text(ast.dump(ast.parse(path.read_bytes())))
 
 
 def of_case(case: Case) -> str:
-    """Of a case and the program: its model with all that it includes, its truth, and what its runs read of its file.
+    """Computes the digest of a case and the program.
 
-    Of a ``model.py`` every file beside it counts, whatever it reads from elsewhere does not.
+    It covers the model with everything that it includes, its truth, and what its runs read of the case file. For a
+    ``model.py`` every file beside it counts, and nothing that it reads from elsewhere.
     """
     contents = case.file.model_dump(mode="json", exclude=TOLD)
     files = {path.name: of_file(path) for path in _files(case)}

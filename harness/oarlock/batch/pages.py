@@ -1,4 +1,4 @@
-"""The reports of a suite: a page a case, made in parallel, and the summary. What would not change is not made again."""
+"""The reports of a suite: one page per case, made in parallel, and the summary. Unchanged pages are not made again."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -21,9 +21,9 @@ _DIRECT = ("README.md", "summary.json", "index.html")
 
 @dataclass(frozen=True)
 class Page:
-    """Folders of results and the folder of the report that they make.
+    """Folders of results and the folder of their report.
 
-    Of one ``case``, the ``summary`` of several, or a ``sweep``.
+    Its kind is the page of one ``case``, the ``summary`` of several cases, or the page of a ``sweep``.
     """
 
     name: str
@@ -32,20 +32,20 @@ class Page:
     kind: Literal["case", "summary", "sweep"] = "case"
 
     def inputs(self) -> str:
-        """What it is made from."""
+        """Computes the digest of what the page is made from."""
         made = [
             [*(digest.of_file(path / name) for name in _SOURCES), _tables(path), path.name] for path in self.sources
         ]
         return digest.of_document([digest.presentation(), made, self.kind])
 
     def outputs(self) -> str:
-        """What was made."""
+        """Computes the digest of the files of the page."""
         files = [self.target / name for name in _DIRECT] + sorted((self.target / "figures").glob("*.svg"))
         return digest.of_document([[path.name, digest.of_file(path)] for path in files if path.is_file()])
 
 
 def _tables(path: Path) -> Any:
-    """The fingerprints of a case's tables, its failures, and the rows of its sweep."""
+    """Returns the fingerprints of a case's tables, its failures and the rows of its sweep."""
     ledger = Ledger.read(path)
     files = {name: mark for entry in ledger.entries.values() for name, mark in entry["files"].items()}
     failures = {name: str(failure) for name, failure in ledger.failures().items()}
@@ -53,7 +53,7 @@ def _tables(path: Path) -> Any:
 
 
 def write_page(page: Page) -> str:
-    """Makes a page; says what stood in the way, or nothing."""
+    """Makes a page; returns why it could not be made, or an empty text."""
     try:
         if page.kind == "summary":
             from oarlock.report.summary import write_summary
@@ -77,18 +77,18 @@ def write_page(page: Page) -> str:
 def write_pages(
     out: Path, cases: Sequence[Path], report: Path, workers: Workers, listener: Listener, *, every: bool
 ) -> list[str]:
-    """Writes the pages of some cases and the summary, where they would change.
+    """Writes the pages of some cases and the summary, as far as they would change.
 
     Args:
         out: folder of all results.
         cases: folders of results of the cases.
-        report: folder for the summary, with a folder a page in it.
-        workers: who makes them.
-        listener: listens.
-        every: whether these are all the cases that there are; else the summary holds the others of ``out`` too.
+        report: folder of the summary, which gets one folder per page.
+        workers: workers that make the pages.
+        listener: is told of the progress.
+        every: whether these are all cases; if not, the summary includes the other cases in ``out``.
 
     Returns:
-        What could not be written, and why.
+        One line for every page that could not be written, with the reason.
     """
     singles = [Page(path.name, (path,), report / path.name) for path in cases if (path / "sketch.json").is_file()]
     others = [] if every else [path.parent for path in out.glob(f"*/{NAME}")]
@@ -101,16 +101,17 @@ def write_pages(
 def write_sweep_pages(
     out: Path, sweeps: Sequence[Path], report: Path, workers: Workers, listener: Listener
 ) -> list[str]:
-    """Writes the pages of sweeps beside those of their cases, where they would change; no other page is touched.
+    """Writes the pages of sweeps beside those of their cases, as far as they would change. Other pages stay.
 
-    Gives what could not be written, and why.
+    Returns:
+        One line for every page that could not be written, with the reason.
     """
     named = {f"{path.parent.name}-{path.name}": path for path in sweeps if (path / "summary.json").is_file()}
     return _make(out, [Page(name, (path,), report / name, "sweep") for name, path in named.items()], workers, listener)
 
 
 def _order(path: Path) -> tuple[str, list[tuple[str, float]]]:
-    """A variant after its model, by its parameters as numbers."""
+    """Returns a sort key that puts variants after their model, by their parameters as numbers."""
     parameters = re.findall(r"-(\w+)=(-?[0-9.]+(?:e[-+]?[0-9]+)?)", path.name)
     return path.name.partition("-")[0], [(name, float(value)) for name, value in parameters]
 

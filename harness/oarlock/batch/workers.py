@@ -1,7 +1,7 @@
-"""Who does the work of a suite: processes of this machine, or whatever else takes a function and gives a future.
+"""The workers of a suite: processes of this machine, or anything else that takes a function and returns a future.
 
-``dispatch`` is all that knows how work is handed out. Another kind of workers is a class with the five members of
-``Workers``: ``LocalWorkers`` here, ``Cluster`` in ``cluster.py``.
+Only ``dispatch`` knows how work is handed out. A kind of workers is a class with the five members of ``Workers``:
+``LocalWorkers`` here, ``Cluster`` in ``cluster.py``.
 """
 
 import multiprocessing
@@ -23,47 +23,48 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""A worker is one thread: the cores are shared out between the workers."""
+"""Variables that keep a worker to one thread, because the workers share the cores."""
 
 _SLICE_S = 0.5
 
 
 class Workers(Protocol):
-    """What ``dispatch`` asks of them."""
+    """The interface of workers that ``dispatch`` uses."""
 
     @property
     def slots(self) -> int:
-        """How many items are in work at once."""
+        """Number of items that are in work at once."""
         ...
 
     def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
-        """Hands out an item.
+        """Hands out an item; returns the future of its result.
 
-        An item whose worker died twice, where that cannot be another item's fault, is a DiedError of the future.
-        Where it can be, the death is a BrokenExecutor, here or of the future, and breaks all that is in work.
+        If a worker dies and that may be another item's fault, the future ends in a BrokenExecutor, as do all that are
+        in work. If an item's worker dies twice and it cannot be another item's fault, its future ends in a DiedError.
 
         Raises:
-            LostError: there are no workers any more; also as the error of any future.
+            BrokenExecutor: a worker died and ``renew`` was not called yet.
+            LostError: there are no workers any more. Futures may end in it, too.
         """
         ...
 
     def renew(self) -> str:
-        """Makes them whole after one died; says how it died, as far as that is known."""
+        """Replaces the workers after one died; returns how it died, as far as that is known."""
         ...
 
     def close(self) -> None:
-        """Lets them go once all is done."""
+        """Releases the workers once all work is finished."""
         ...
 
     def kill(self) -> None:
-        """Lets them go at once; what is in work is lost."""
+        """Ends the workers at once; what is in work is lost."""
         ...
 
 
 class LocalWorkers:
-    """Processes of this machine, started when they are needed and used again.
+    """Processes of this machine, which are started when they are needed and used again.
 
-    What they give comes as files: a process killed while it writes into the pool's pipe would leave half a message
+    Results are passed in files: a process that is killed while it writes to the pool's pipe would leave half a message
     there, and its reader waiting for ever. The name of a file is written in one piece.
     """
 
@@ -75,11 +76,11 @@ class LocalWorkers:
 
     @property
     def slots(self) -> int:
-        """One item a process."""
+        """Number of processes; each has one item in work."""
         return self._jobs
 
     def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
-        """As ``Workers``."""
+        """Hands out an item; see ``Workers``."""
         if self._pool is None or self._files is None:
             self._files = tempfile.TemporaryDirectory(prefix="oarlock-", ignore_cleanup_errors=True)
             # Not fork: a library's threads would not survive it.
@@ -93,7 +94,7 @@ class LocalWorkers:
         return result
 
     def renew(self) -> str:
-        """As ``Workers``."""
+        """Replaces the processes after one died; see ``Workers``."""
         processes = self._processes
         self._let_go(wait=True)
         # The pool ends those that are left with SIGTERM; the one that broke it ended before.
@@ -103,11 +104,11 @@ class LocalWorkers:
         return f"its process ended with {_signal_or_status(codes[0])}"
 
     def close(self) -> None:
-        """As ``Workers``."""
+        """Releases the processes once all work is finished; see ``Workers``."""
         self._let_go(wait=True)
 
     def kill(self) -> None:
-        """As ``Workers``."""
+        """Ends the processes at once; see ``Workers``."""
         for process in self._processes:
             process.kill()
         self._let_go(wait=False)
@@ -150,7 +151,7 @@ def _signal_or_status(code: int) -> str:
 
 @contextmanager
 def uninterrupted_children() -> Iterator[None]:
-    """Processes started here never see an interruption from the terminal: this process sees it, and ends them."""
+    """Keeps interruptions from the terminal away from processes started in the block; this process ends them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -164,7 +165,7 @@ def uninterrupted_children() -> Iterator[None]:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Processes started here leave their linear algebra on one thread, unless the user says otherwise."""
+    """Keeps linear algebra of processes started in the block on one thread, unless the user set it otherwise."""
     added = [name for name in _ONE_THREAD if name not in os.environ]
     os.environ.update(dict.fromkeys(added, "1"))
     try:
@@ -175,15 +176,20 @@ def _one_thread() -> Iterator[None]:
 
 
 class DiedError(Exception):
-    """An item whose worker died twice, the second time with nothing else in work."""
+    """The worker of an item died twice, the second time with nothing else in work."""
 
 
 class LostError(InputError):
-    """The workers are gone for good; nothing that is waiting can be done."""
+    """The workers are gone for good, and nothing that is waiting can be finished."""
 
 
 class Done(Generic[Item, Result]):
-    """An item with what came of it: a result, or the error that it ended in."""
+    """A finished item.
+
+    Attributes:
+        item: the item.
+        error: the error that it ended in; None if it has a result.
+    """
 
     def __init__(self, item: Item, future: "Future[Result] | None" = None, error: BaseException | None = None):
         self.item = item
@@ -192,7 +198,7 @@ class Done(Generic[Item, Result]):
 
     @property
     def result(self) -> Result:
-        """Raises the error if there is one."""
+        """The result of the item. Reading it raises the error if there is one."""
         if self.error is not None or self._future is None:
             raise self.error or RuntimeError("nothing came of it")
         return self._future.result()
@@ -201,13 +207,13 @@ class Done(Generic[Item, Result]):
 def dispatch(
     function: Callable[[Item], Result], items: Iterable[Item], workers: Workers
 ) -> Generator[Done[Item, Result]]:
-    """Does every item in the order given, and gives each as soon as it is done.
+    """Calls a function on every item, in the order given, and yields each item as soon as it is finished.
 
-    When a worker dies, all that was in work is done again, one at a time: the second death is then the item's own
+    When a worker dies, everything that was in work is run again, one at a time: a second death is then the item's own
     fault, and the others go on. Workers are killed if the iteration is left early, by an interruption or otherwise.
 
     Raises:
-        LostError: the workers are gone for good; what was done until then is given before.
+        LostError: the workers are gone for good; what was finished until then is yielded before.
     """
     waiting, suspects = deque(items), deque[Item]()
     flying: dict[Future[Result], Item] = {}

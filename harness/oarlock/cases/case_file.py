@@ -32,12 +32,9 @@ class _Table(BaseModel):
 
 
 class RunDefaults(_Table):
-    """How a case is run unless its command line says otherwise.
+    """Duration, timestep (None for the model's own) and integrator of a case's runs, unless they are asked otherwise.
 
     Attributes:
-        duration_s: duration of a run, s.
-        timestep_s: timestep, s; None for the model's own.
-        integrator: integrator of every run that names none.
         stabilisation: how exact constraints are kept from drifting: ``baumgarte`` (terms in the accelerations),
             ``projection`` (no such terms; positions and velocities are projected after every step) or ``both``.
         ignore_inequalities: whether to switch off the model's contacts, limits and friction, for MuJoCo as well.
@@ -169,10 +166,7 @@ class Baumgarte(_Table):
 class Settings(_Table):
     """A named way of running MuJoCo itself. What is None stays as in the model.
 
-    Attributes:
-        solver: MuJoCo's constraint solver.
-        solref: solver reference parameters of every equality.
-        solimp: solver impedance parameters of every equality.
+    ``solref`` and ``solimp`` apply to every equality.
     """
 
     solver: Literal["newton", "cg", "pgs"] | None = None
@@ -247,12 +241,7 @@ class Published(_Observed):
 
 
 class Paper(_Table):
-    """Figures that others published, shown in the report.
-
-    Attributes:
-        source: where they were published.
-        iterations_mean: mean number of iterations per solve.
-    """
+    """Figures that others published, shown in the report."""
 
     source: str
     iterations_mean: Positive | None = None
@@ -264,8 +253,6 @@ class Experiment(_Table):
     Attributes:
         mode: what is compared.
         walker: what advances the state in lockstep: ``mujoco``, or a solver, which does so in the hard form.
-        forms: forms of the question.
-        solvers: specifications of solvers.
         integrators: integrators; None for the case's own.
         stabilisation: how exact constraints are kept from drifting; None for the case's own.
         settings: named ways of running MuJoCo.
@@ -286,9 +273,7 @@ class Gate(_Table):
     Attributes:
         figure: column of the summary.
         where: column → value that a run must have to be selected.
-        min: lower bound.
-        max: upper bound.
-        equal: the value of a figure that is a word.
+        equal: the value of a figure that is a word; other figures have ``min``, ``max`` or both.
         cause: why this is the bound.
     """
 
@@ -338,14 +323,7 @@ DEFAULT_EXPERIMENTS = [
 
 
 class Sweep(_Table):
-    """Free runs at several timesteps besides the case's own, for work against precision in the suite's summary.
-
-    Attributes:
-        timesteps_s: timesteps, s.
-        integrators: integrators.
-        solvers: specifications of solvers.
-        settings: named ways of running MuJoCo.
-    """
+    """Free runs at several timesteps besides the case's own, for work against precision in the suite's summary."""
 
     timesteps_s: Annotated[list[Positive], Field(min_length=2)]
     integrators: list[Integrator] = ["euler", "rk4"]
@@ -377,23 +355,10 @@ class CaseFile(_Table):
     """The contents of ``case.toml``.
 
     Attributes:
-        title: what the mechanism is, in a few words.
-        summary: what it is here to show.
-        source: where the model comes from.
-        tags: words to find it by.
         rank_cut: eigenvalues of A below this part of the largest count as zero; None for the default.
         parameters: name → default, of a parametrised model.
-        run: duration, timestep, integrator and stabilisation.
-        start: positions and velocities of the start.
-        drive: laws of the controls.
-        expect: what the model must turn out to be.
-        baumgarte: gains of Baumgarte's terms.
         settings: name → way of running MuJoCo.
-        truth: the outside truth.
         published: values that others published, for the default parameters.
-        paper: figures that others published.
-        experiments: what is run.
-        gates: bounds on figures of the summary.
         sweep: timesteps for work against precision, with the default parameters.
         variants: further sets of parameters.
     """

@@ -1,8 +1,8 @@
 """``oarlock diff``: what changed between two folders of results beyond its tolerance, worst first.
 
 Runs are matched by what they are (case, mode, walker, solver, form, integrator, settings, stabilisation, timestep,
-steps, point of a sweep). What finds no counterpart may differ in how it was run, if there is only one that it can be:
-then the difference is named, and the figures are compared all the same. That is how two settings are compared.
+steps, point of a sweep). A run without such a counterpart is matched with one that was run differently, if only one is
+possible: then the difference is named and the figures are compared all the same. That is how two settings are compared.
 """
 
 import html
@@ -30,18 +30,18 @@ from oarlock.compare.folders import KEYS, Run, Side, match, read_side, require_s
 from oarlock.tables.provenance import OCCASION
 
 SAME_NUMBER = 1e-9
-"""Relative, and absolute in m or rad, of a number of ``case.json``: as far as it was computed, another machine's."""
+"""Relative, and absolute in m or rad. Computed numbers of ``case.json`` differ by as much between machines."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Something that differs in where the figures come from.
+    """A difference in where the figures of the two folders come from.
 
     Attributes:
         kind: ``provenance`` (versions, platform, files), ``case`` (case file, model) or ``run`` (how it was run).
-        key: what.
-        before: its value.
-        after: its value.
+        key: name of what differs.
+        before: its value in the first folder.
+        after: its value in the second folder.
         where: the cases or runs that it concerns.
     """
 
@@ -52,7 +52,11 @@ class Origin:
     where: tuple[str, ...]
 
     def line(self, runs: int = 0) -> str:
-        """One line; ``runs`` is how many were compared, so that not all of them need be named."""
+        """Describes the difference in one line.
+
+        Args:
+            runs: number of runs that were compared; a difference of all of them names none.
+        """
         where = "every run" if self.kind == "run" and len(self.where) == runs > 1 else few(self.where)
         return one_line(f"{self.key}: {worded(self.before)} → {worded(self.after)} ({where})")
 
@@ -65,9 +69,9 @@ class Difference:
         before: the first folder.
         after: the second one.
         comparisons: every figure of every run, worst first.
-        origins: what differs in where they come from.
-        matched: runs that have a counterpart.
-        allow_missing: whether what disappeared is no loss.
+        origins: differences in where the figures come from.
+        matched: number of runs that have a counterpart.
+        allow_missing: whether what disappeared counts as no loss.
     """
 
     before: str
@@ -79,23 +83,23 @@ class Difference:
 
     @property
     def worse(self) -> list[Comparison]:
-        """What got worse, or can no longer be seen."""
+        """Comparisons that got worse or that disappeared, unless that is allowed."""
         bad = ("worse",) if self.allow_missing else ("worse", "disappeared")
         return [one for one in self.comparisons if one.verdict in bad]
 
     @property
     def changes(self) -> list[Comparison]:
-        """What changed beyond its tolerance, worst first."""
+        """Comparisons that changed beyond their tolerance, worst first."""
         return [one for one in self.comparisons if one.verdict not in ("same", "not judged")]
 
     @property
     def counts(self) -> dict[str, int]:
-        """Verdict → how many."""
+        """Verdict → number of comparisons."""
         return {verdict: sum(one.verdict == verdict for one in self.comparisons) for verdict in VERDICTS}
 
     @property
     def frame(self) -> pl.DataFrame:
-        """A row a comparison, worst first; what is no number is in words in ``was`` and ``became``."""
+        """One row per comparison, worst first. Values that are no numbers are in words in ``was`` and ``became``."""
         rows = [
             {
                 **asdict(one),
@@ -112,7 +116,7 @@ class Difference:
 
     @property
     def timings(self) -> dict[str, float]:
-        """Timing that was not judged → after over before, the median over the runs."""
+        """Timing that was not judged → after over before, the median over all runs."""
         found: dict[str, list[float]] = {}
         for one in self.comparisons:
             if one.verdict == "not judged" and one.factor is not None:
@@ -120,7 +124,7 @@ class Difference:
         return {figure: median(factors) for figure, factors in found.items()}
 
     def document(self) -> dict[str, Any]:
-        """For JSON."""
+        """Returns the comparison as a document for JSON."""
         return {
             "before": self.before,
             "after": self.after,
@@ -133,7 +137,7 @@ class Difference:
         }
 
     def summary(self) -> str:
-        """In one line."""
+        """The comparison in one line."""
         said = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
         return f"{self.matched} runs compared: {said or 'nothing to compare'}"
 
@@ -150,11 +154,11 @@ class Difference:
 
 
 COLUMNS = ("", "case", "run", "figure", "before", "after", "×", "at")
-"""Of a table of comparisons."""
+"""Headings of a table of comparisons."""
 
 
 def cells(one: Comparison) -> list[str]:
-    """A row of such a table."""
+    """Returns the cells of a comparison in a table with the headings ``COLUMNS``."""
     factor = "" if one.factor is None else f"{one.factor:.3g}"
     time = "" if one.time_s is None else f"{one.time_s:g} s"
     values = [one.case, one.run, one.figure, worded(one.before), worded(one.after)]
@@ -168,13 +172,13 @@ def diff(
 
     Args:
         before: a folder that ``oarlock run --out`` or ``oarlock suite --out`` wrote, or a published one.
-        after: another one.
-        timings: timings are judged, and may grow by this factor; None: they are reported only.
-        allow_missing: what disappeared is no loss, for the second folder was meant to hold less.
+        after: another such folder.
+        timings: factor by which timings may grow; None to report them without judging.
+        allow_missing: whether what disappeared counts as no loss, because the second folder was meant to hold less.
 
     Raises:
-        InputError: no such folder, not one of results, a file that is not whole, different schemas, or a factor that
-            is not above 1.
+        InputError: a folder is missing or holds no results, a file is damaged, the schemas differ, or the factor is
+            not above 1.
     """
     if timings is not None and not (math.isfinite(timings) and timings > 1.0):
         raise InputError(f"timings = {timings:g}, expected a factor > 1")

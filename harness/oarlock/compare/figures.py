@@ -1,4 +1,4 @@
-"""What became of the figures, the trajectories and the gates of runs and their counterparts."""
+"""Comparison of the figures, the trajectories and the gates of runs and their counterparts."""
 
 import math
 from collections.abc import Iterator
@@ -16,13 +16,13 @@ from oarlock.compare.folders import KEYS, Run, Side
 from oarlock.compare.tolerances import APART, kind_of
 
 VERDICTS = ("worse", "disappeared", "changed", "better", "appeared", "same", "not judged")
-"""Of a comparison, in the order in which they are shown."""
+"""Verdicts of a comparison, in the order in which they are shown."""
 
 ENDINGS = {"done": 0, "unconverged": 1, "unprojected": 1, "diverged": 2, "failed": 3, "refused": 3}
-"""How a run ended, and how bad that is."""
+"""Status of a run → how bad it is."""
 
 _RUN = ("run", "status", "message", "point", "solves")
-"""Columns of a summary that are no figures, or follow from others; besides ``KEYS``."""
+"""Columns of a summary, besides ``KEYS``, that are no figures or follow from others."""
 
 CHUNK = 50_000
 """Rows of two tables of steps that are in memory at once."""
@@ -30,20 +30,20 @@ CHUNK = 50_000
 
 @dataclass(frozen=True)
 class Comparison:
-    """One figure of a run and of its counterpart.
+    """The comparison of one figure of a run with that of its counterpart.
 
     Attributes:
         verdict: one of ``VERDICTS``.
         case: name of the case.
-        run: name of the run; of a gate that picked none, empty.
+        run: name of the run; empty for a gate that selected none.
         group: what the figure is about: drift, truth, energy, …, status, gate, run.
         figure: its name in the summary.
-        before: what it was.
-        after: what it is.
-        factor: after over before, both raised to the floor; None of what is no number.
-        time_s: the worst moment of ``after``, in s; of trajectories the first one beyond the tolerance.
-        tolerance: in words.
-        cause: of the tolerance, or what else is to be said.
+        before: its value in the first folder.
+        after: its value in the second folder.
+        factor: after over before, both raised to the floor; None if they are not numbers.
+        time_s: the worst moment of ``after``, s; for trajectories the first one beyond the tolerance.
+        tolerance: the tolerance in words.
+        cause: the cause of the tolerance, or another remark.
     """
 
     verdict: str
@@ -59,7 +59,7 @@ class Comparison:
     cause: str = ""
 
     def line(self) -> str:
-        """One line with figures."""
+        """The comparison in one line with its values."""
         text = f"{self.figure}: {worded(self.before)} → {worded(self.after)}"
         more = [
             f"× {self.factor:.3g}" if self.factor is not None else "",
@@ -71,17 +71,17 @@ class Comparison:
         return f"{text} ({'; '.join(more)})" if more else text
 
     def document(self) -> dict[str, Any]:
-        """For JSON, which has no infinity."""
+        """Returns the comparison as a document for JSON, with infinities as null."""
         return {name: finite(value) for name, value in asdict(self).items()}
 
 
 def worded(value: Any) -> str:
-    """A value in a message, to the digits that a change shows in."""
+    """Writes a value for a message, with as many digits as a change shows in."""
     return short(value, 4)
 
 
 def number(value: Any) -> float | None:
-    """A value as a number, if it is one."""
+    """Returns a value as a number, or None if it is none."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
@@ -89,7 +89,7 @@ def number(value: Any) -> float | None:
 
 
 def compare_figures(before: Run, after: Run, timings: float | None) -> Iterator[Comparison]:
-    """The status and every figure of a run and its counterpart."""
+    """Compares the status and every figure of a run with those of its counterpart."""
     case, name = after.case, after.name
     status, became = before.row["status"], after.row["status"]
     verdict = "same"
@@ -130,7 +130,7 @@ def _figure(figure: str, before: Run, after: Run, timings: float | None) -> Comp
 
 
 def _worst_moment(steps: Path, figure: str) -> float | None:
-    """When the figure of the table of steps that a summary's maximum is of was largest, in s."""
+    """Returns the time (s) at which the figure of the steps was largest whose maximum the summary has."""
     column = figure.removesuffix("_max")
     if column == figure or figure == "iterations_max":  # of one solve, where the table has a step's sum
         return None
@@ -144,7 +144,7 @@ def _worst_moment(steps: Path, figure: str) -> float | None:
 
 
 def _trajectories(before: Run, after: Run) -> Iterator[Comparison]:
-    """How far the coordinates of a run went from those of its counterpart, as far as both go."""
+    """Compares the coordinates of a run with those of its counterpart, as long as both last."""
     apart, since = 0.0, None
     for times, left, right in _coordinates(before, after):
         if left.shape != right.shape:
@@ -161,7 +161,7 @@ def _trajectories(before: Run, after: Run) -> Iterator[Comparison]:
 
 
 def _coordinates(before: Run, after: Run) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Times and coordinates of both, in parts of ``CHUNK`` steps."""
+    """Yields times and coordinates of both runs, in parts of ``CHUNK`` steps."""
     offset = 0
     while True:
         parts = []
@@ -179,7 +179,7 @@ def _coordinates(before: Run, after: Run) -> Iterator[tuple[np.ndarray, np.ndarr
 
 
 def _matrix(column: pl.Series) -> np.ndarray:
-    """(steps, nq) of a column of lists; a step without is NaN."""
+    """Returns a column of lists as an array (steps, nq). Steps without a list are NaN."""
     width = int(column.list.len().max() or 0)  # pyright: ignore[reportArgumentType]
     if not width:
         return np.full((len(column), 0), np.nan)
@@ -191,7 +191,7 @@ def _gappy(column: pl.Series, width: int) -> np.ndarray:
 
 
 def compare_unmatched(runs: list[Run], side: Side, *, gone_from_here: bool) -> Iterator[Comparison]:
-    """Runs without a counterpart on ``side``, which may say why."""
+    """Compares runs that have no counterpart on ``side``, with the reason if the side knows it."""
     for run in runs:
         why, status = side.failure(run), run.row["status"]
         if why is not None:
@@ -208,7 +208,7 @@ def compare_unmatched(runs: list[Run], side: Side, *, gone_from_here: bool) -> I
 
 
 def compare_gates(one: Side, other: Side, pairs: list[tuple[Run, Run]]) -> Iterator[Comparison]:
-    """Gates of both sides: what held, what does, and whether the bound is still the same."""
+    """Compares the gates of both sides: whether they held, and whether their bounds are the same."""
     names = {(before.case, before.row["run"]): (after.case, after.row["run"]) for before, after in pairs}
     here, there = _by_gate(one, names), _by_gate(other, {})
     for key in dict.fromkeys((*here, *there)):
@@ -233,7 +233,7 @@ def compare_gates(one: Side, other: Side, pairs: list[tuple[Run, Run]]) -> Itera
 
 
 def _by_gate(side: Side, names: dict[tuple[str, str], tuple[str, str]]) -> dict[tuple[Any, ...], dict[str, Any]]:
-    """Gates by case and run (as the other side calls them), figure, condition, and number among equals."""
+    """Indexes gates by case and run (as the other side names them), figure, condition and number among equal ones."""
     found: dict[tuple[Any, ...], dict[str, Any]] = {}
     for case, gate in side.gates:
         place = names.get((case, gate["run"]), (case, gate["run"]))

@@ -1,4 +1,4 @@
-"""One side of ``oarlock diff``: the runs, gates and provenance that a folder of results holds, in one case or many."""
+"""One side of ``oarlock diff``: the runs, gates and provenance in a folder of results, of one case or many."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -28,7 +28,7 @@ KEYS = (
     "stabilisation",
     "status",
 )
-"""What every row of a summary must have; all but the last say which run it is."""
+"""Columns that every row of a summary must have; all but the last identify the run."""
 
 _RELAXED = (
     (),
@@ -38,7 +38,7 @@ _RELAXED = (
     ("stepping", "steps", "timestep_s", "stabilisation"),
     ("stepping", "steps", "timestep_s", "stabilisation", "integrator"),
 )
-"""Keys in which counterparts may differ, from none to most; only where one run is left on either side."""
+"""Sets of keys in which counterparts may differ, tried in this order, if one run is left on either side."""
 
 _EXPECTED = "expected a folder that 'oarlock run --out' or 'oarlock suite --out' wrote"
 
@@ -49,8 +49,8 @@ class Run:
 
     Attributes:
         row: its row in the summary.
-        folder: where its steps may be.
-        point: of a sweep, in words; empty: the case as it is.
+        folder: folder that may hold its steps.
+        point: point of a sweep, in words; empty for the case as it is.
         sweep: name of the folder of a sweep that was asked for by ``--sweep``; another may have the same points.
     """
 
@@ -66,27 +66,27 @@ class Run:
 
     @property
     def name(self) -> str:
-        """Unique within the case."""
+        """Name of the run, unique within the case."""
         return f"{self.row['run']}-at-{self.point}" if self.point else self.row["run"]
 
     @property
     def steps(self) -> Path | None:
-        """The table of its steps, if there is one."""
+        """Path of the table of its steps; None if there is none."""
         path = self.folder.steps_path(self.row["run"])
         return path if not self.point and path.is_file() else None
 
 
 @dataclass
 class Side:
-    """All that a folder holds.
+    """The contents of a folder of results.
 
     Attributes:
-        path: as it was given.
-        runs: in the order of the folder.
-        gates: case and verdict of every gate.
+        path: the folder, as it was given.
+        runs: its runs, in their order.
+        gates: pairs of a case and the verdict of a gate.
         provenance: case → versions, platform, digests.
         cases: case → ``case.json``, where there is one.
-        failures: case and unit (None: all) → why it was not done.
+        failures: case and unit (None for all units) → why it was not finished.
     """
 
     path: Path
@@ -97,7 +97,7 @@ class Side:
     failures: dict[tuple[str, str | None], Failure] = field(default_factory=dict)
 
     def failure(self, run: Run) -> Failure | None:
-        """Why there is no such run here; None: nobody says."""
+        """Returns why this side lacks a run; None if it does not know."""
         return self.failures.get((run.case, run.name), self.failures.get((run.case, None)))
 
 
@@ -105,7 +105,7 @@ def read_side(path: Path) -> Side:
     """Reads a folder of results: of one case, of a suite, of a sweep, or a published one.
 
     Raises:
-        InputError: no such folder, not one of results, or a file that is not whole.
+        InputError: the folder is missing or holds no results, or a file is damaged.
     """
     if not path.is_dir():
         raise InputError(f"no folder '{path}', {_EXPECTED}")
@@ -177,7 +177,7 @@ def _require_summary(path: Path, document: Any) -> None:
 
 
 def match(before: list[Run], after: list[Run]) -> tuple[list[tuple[Run, Run]], list[Run], list[Run]]:
-    """Pairs of a run and its counterpart, and what is left over on either side."""
+    """Matches runs: returns pairs of counterparts, and the runs that are left over on either side."""
     pairs: list[tuple[Run, Run]] = []
     single = len({run.case for run in before}) == len({run.case for run in after}) == 1
     for without in (*_RELAXED, *([("case", *_RELAXED[-1])] if single else [])):
@@ -204,7 +204,7 @@ def require_same_schema(one: Side, other: Side, pairs: list[tuple[Run, Run]]) ->
     """Checks that counterparts have the same figures.
 
     Raises:
-        InputError: they have not; the message names the first.
+        InputError: two of them have not; the message names the first figure.
     """
     for before, after in pairs:
         for left, right, lacks, has in ((before, after, other, one), (after, before, one, other)):

@@ -1,4 +1,4 @@
-"""A comparison as JUnit XML, which continuous integration shows: a test case a run and group of figures."""
+"""A comparison as JUnit XML for continuous integration: one test case per run and group of figures."""
 
 import re
 from pathlib import Path
@@ -9,11 +9,11 @@ from oarlock.compare.compare import Difference
 from oarlock.compare.figures import Comparison
 
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 cannot hold, not even escaped."""
+"""Characters that XML 1.0 cannot hold, not even escaped."""
 
 
 def junit(difference: Difference) -> str:
-    """The document: a suite a case; what got worse is a failure, what disappeared by leave is skipped."""
+    """Renders the document: one test suite per case. Worse figures are failures, allowed disappearances are skipped."""
     groups: dict[str, dict[tuple[str, str], list[Comparison]]] = {}
     for one in difference.comparisons:
         if one.verdict != "not judged":
@@ -58,9 +58,9 @@ def _text(text: str) -> str:
 
 
 def write_junit(difference: Difference, path: Path) -> None:
-    """Writes the document.
+    """Writes a comparison as JUnit XML.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     write_text(path, junit(difference))

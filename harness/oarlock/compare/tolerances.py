@@ -1,4 +1,4 @@
-"""When a figure of a summary has changed, and which way is worse: tolerances by kind of figure, with their causes."""
+"""Tolerances by kind of figure, with their causes: when a figure has changed, and which way is worse."""
 
 import math
 from dataclasses import dataclass, replace
@@ -9,14 +9,14 @@ Better = Literal["smaller", "larger", "neither"]
 
 @dataclass(frozen=True)
 class Kind:
-    """How a figure is judged. Two values below the floor are the same; else their ratio decides.
+    """How a figure is judged: two values below the floor are the same, otherwise their ratio decides.
 
     Attributes:
-        group: what it is about; a test case of the JUnit report is a run and a group.
-        better: which way is better; ``neither``: a change is reported and is no loss.
-        relative: the ratio may be 1 + ``relative``.
-        floor: in the figure's unit; what is smaller is rounding.
-        cause: why these numbers.
+        group: what the figure is about; a test case of the JUnit report is a run and a group.
+        better: which way is better, or ``neither`` if a change is reported but is no loss.
+        relative: the ratio may be up to 1 + ``relative``.
+        floor: value in the figure's unit below which it is rounding.
+        cause: why the tolerance has these numbers.
     """
 
     group: str
@@ -26,12 +26,12 @@ class Kind:
     cause: str
 
     def factor(self, before: float, after: float) -> float:
-        """After over before, both raised to the floor."""
+        """Computes after over before, both raised to the floor."""
         low, high = max(abs(before), self.floor), max(abs(after), self.floor)
         return high / low if low > 0 else (math.inf if high > 0 else 1.0)
 
     def verdict(self, before: float, after: float) -> str:
-        """``same``, ``worse``, ``better`` or ``changed``."""
+        """Judges a change: ``same``, ``worse``, ``better`` or ``changed``."""
         factor = self.factor(before, after)
         if 1.0 / (1.0 + self.relative) <= factor <= 1.0 + self.relative:
             return "same"
@@ -41,7 +41,7 @@ class Kind:
 
     @property
     def tolerance(self) -> str:
-        """In words."""
+        """The tolerance in words."""
         return f"{self.relative:g} relative, {self.floor:g} absolute"
 
 
@@ -69,7 +69,7 @@ _LENGTH = Kind("status", "neither", 0.0, 0.0, "a whole number")
 _TIME = Kind("timing", "smaller", math.inf, 0.0, "reported; judged only with a factor")
 
 APART = replace(_WALK, group="trajectory", better="neither", relative=0.0)
-"""Largest distance of the coordinates of a run and its counterpart, from the tables of steps; its floor decides."""
+"""Largest distance between the coordinates of a run and its counterpart, by the tables of steps. Its floor decides."""
 
 FIGURES: dict[str, Kind] = {
     "drift_pos_max": _DRIFT,
@@ -108,19 +108,19 @@ FIGURES: dict[str, Kind] = {
     "solve_ns_median": _TIME,
     "step_us_median": _TIME,
 }
-"""Figures of a summary row that are judged; the rest tells which run it is, or follows from these."""
+"""Figure of a summary → how it is judged. The other columns identify the run or follow from these."""
 
 _UNKNOWN = Kind("other", "neither", 0.01, 1e-12, "a figure that this oarlock does not know")
 
 
 def kind_of(figure: str, before: dict[str, Any], after: dict[str, Any], timings: float | None = None) -> Kind:
-    """How a figure of two rows is judged.
+    """Returns how a figure of a run and its counterpart is judged.
 
     Args:
         figure: its name in the summary.
-        before: a row of the summary.
-        after: its counterpart.
-        timings: timings may change by this factor; None: they are not judged.
+        before: summary row of the run.
+        after: summary row of its counterpart.
+        timings: factor by which timings may change; None to leave them unjudged.
     """
     kind = FIGURES.get(figure, _UNKNOWN)
     matched = before["form"] == after["form"] == "matched" or before["mode"] == after["mode"] == "calibration"

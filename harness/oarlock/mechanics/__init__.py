@@ -1,1 +1,1 @@
-"""A MuJoCo model and one state of it: loading, rows, names, inertia, curvature, drives, reactions."""
+"""A MuJoCo model and one state of it: loading, names, rows, inertia, curvature, drives and reactions."""

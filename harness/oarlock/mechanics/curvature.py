@@ -1,9 +1,9 @@
-"""J̇v: the part of the constraints' acceleration that needs no acceleration of the coordinates.
+"""J̇v, the part of the constraints' acceleration that does not depend on the acceleration of the coordinates.
 
 The exact time derivative of MuJoCo's own rows of J, times v:
 
-- connect and weld: MuJoCo has it, for it asks them for aref = −B Jv − K d r − J̇v (since 3.7). Taking it back costs the
-  rounding of the other two terms.
+- connect and weld: MuJoCo has it, because it asks them for aref = −B Jv − K d r − J̇v (since 3.7). Recovering J̇v from
+  aref costs the rounding of the other two terms.
 - joint and tendon: y − p(x) with a quartic p, y and x measured from the model's own pose; J̇v = ÿ − p'(x) ẍ − p''(x) ẋ²,
   where ÿ and ẍ are 0 for joints and fixed tendons. MuJoCo leaves it out of their aref.
 """
@@ -21,7 +21,7 @@ from oarlock.mechanics.tendons import Tendon
 
 
 class _Coupling:
-    """y − p(x) of joints or tendons; a subclass says what x, ẋ, ẍ and ÿ are."""
+    """J̇v of a row y − p(x) of joints or tendons. Subclasses say what x, ẋ, ẍ and ÿ are."""
 
     def __init__(self, coefficients: np.ndarray, coupled: bool):
         _, *linear = coefficients.tolist()
@@ -75,10 +75,10 @@ class _Tendons(_Coupling):
 
 
 class Curvature:
-    """J̇v of the active rows: connect, weld, joint and tendon equalities.
+    """Computes J̇v of the active rows of connect, weld, joint and tendon equalities.
 
     Raises:
-        InputError: an active equality of another kind, at once or when it is switched on.
+        InputError: an active equality is of another kind.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
@@ -105,9 +105,9 @@ class Curvature:
         )
 
     def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
-        """Writes J̇v (ne; m/s² or rad/s²) of a state whose position and velocity stages are done.
+        """Writes J̇v (ne; m/s² or rad/s²) of a state whose position and velocity stages are done to ``out``.
 
-        Goes by the rows that MuJoCo made: it leaves out an equality whose rows are zero throughout.
+        The rows are those that MuJoCo made: it leaves out an equality whose rows are all zero.
 
         Raises:
             InputError: an equality of another kind was switched on, or a tendon's length has no second derivative.

@@ -1,4 +1,4 @@
-"""The drive: actuator controls as laws of time, written at the time of every stage of the integrator."""
+"""The drive of a model: controls as laws of time, evaluated at the time of every stage of the integrator."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,10 +12,13 @@ from oarlock.mechanics.names import element_name
 
 
 class Drive:
-    """Writes the controls of a case into ``data.ctrl``. An actuator without a name goes by its number, ``#3``.
+    """Writes the controls of a case into ``data.ctrl``. An actuator without a name is addressed by number, ``#3``.
 
     Attributes:
-        laws: actuator's number with its law.
+        laws: pairs of an actuator's number and its law.
+
+    Raises:
+        InputError: the case names an actuator that the model does not have.
     """
 
     def __init__(self, model: mujoco.MjModel, case: Case):
@@ -30,7 +33,7 @@ class Drive:
         """Writes the controls at ``data.time``.
 
         Raises:
-            RefusedError: a law has no finite value there.
+            RefusedError: a law has no finite value at that time.
         """
         time = data.time
         for index, law in self.laws:
@@ -41,10 +44,10 @@ class Drive:
 
     @contextmanager
     def installed(self) -> Iterator[None]:
-        """While it holds, MuJoCo's own integrators ask this drive at every stage.
+        """Installs the drive as MuJoCo's control hook for the time of the block.
 
-        The hook is global to the process, and MuJoCo also calls it while it compiles another model: it answers for
-        this drive's model only.
+        MuJoCo's own integrators then evaluate it at every stage. The hook is global to the process, and MuJoCo also
+        calls it while it compiles another model, so it answers for this drive's model only.
         """
         if not self.laws:
             yield

@@ -1,13 +1,13 @@
-"""Mechanical energy of a model that nothing drives or damps."""
+"""The mechanical energy of a model, where it is conserved."""
 
 import mujoco
 
 
 class Energy:
-    """Mechanical energy (J) of a model that nothing drives or damps; nothing for any other.
+    """Computes the mechanical energy of a model that nothing drives or damps.
 
     Attributes:
-        conserved: whether nothing does.
+        conserved: whether nothing drives or damps the model.
     """
 
     def __init__(self, model: mujoco.MjModel):
@@ -19,7 +19,11 @@ class Energy:
         self.conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
 
     def of(self, data: mujoco.MjData) -> dict[str, float]:
-        """Total and kinetic energy at a state whose position and velocity stages are done; nothing if not conserved."""
+        """Computes the total and the kinetic energy, J, of a state whose position and velocity stages are done.
+
+        Returns:
+            ``energy`` and ``kinetic_energy``; an empty dictionary if energy is not conserved.
+        """
         if not self.conserved:
             return {}
         mujoco.mj_energyPos(self._model, data)

@@ -1,4 +1,7 @@
-"""Contacts, limits and friction: what MuJoCo solves jointly with the loops and we do not. Refused, or switched off."""
+"""Contacts, limits and friction, which are refused or switched off.
+
+MuJoCo solves them jointly with the loops; oarlock's solvers do not know them.
+"""
 
 import mujoco
 import numpy as np
@@ -10,7 +13,7 @@ OPTION = "--ignore-inequalities"
 
 _BITS = mujoco.mjtDisableBit
 IGNORED = _BITS.mjDSBL_CONTACT | _BITS.mjDSBL_LIMIT | _BITS.mjDSBL_FRICTIONLOSS
-"""The flags that switch them off."""
+"""Flags of MuJoCo that switch contacts, limits and friction off."""
 
 _KINDS = {
     mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("friction of joint", mujoco.mjtObj.mjOBJ_JOINT),
@@ -38,7 +41,7 @@ def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Checks that only equality rows are active.
 
     Raises:
-        RefusedError: contact, limit or friction rows are active; names the elements and the time.
+        RefusedError: rows of contacts, limits or friction are active; the message names the elements and the time.
     """
     if data.nefc == data.ne:
         return
@@ -52,7 +55,11 @@ def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 def ignore_inequalities(model: mujoco.MjModel) -> str:
-    """Switches contacts, limits and friction off, in place; says in one line what of them the model has."""
+    """Switches contacts, limits and friction of a model off, in place.
+
+    Returns:
+        One line that lists those that the model has.
+    """
     joint, tendon = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_TENDON
     rubbing = dict.fromkeys(int(model.dof_jntid[dof]) for dof in np.flatnonzero(model.dof_frictionloss))
     kinds = [

@@ -1,6 +1,6 @@
-"""Motion of points of bodies at a state whose position and velocity stages are done: place, velocity, J̇v.
+"""Velocities and J̇v of points of bodies, at a state whose position and velocity stages are done.
 
-J̇v of a body's rotation and of its points is what they accelerate by at q̈ = 0, their bias acceleration. One pass over
+J̇v of a body's rotation and of its points is their acceleration at q̈ = 0, the bias acceleration. One pass over
 the bodies gives it as a spatial vector a = (α, a₀), taken at the centre of mass c of the kinematic tree (Featherstone
 2008, *Rigid Body Dynamics Algorithms*, §5.3; the first half of MuJoCo's ``mj_rne``, without gravity):
 
@@ -21,7 +21,14 @@ from oarlock.base.vectors import Vector, cross, minus, plus
 
 
 class Kinematics:
-    """Motion of some bodies, and of their points that are, at this moment, at given places."""
+    """Computes the motion of some bodies and of their points.
+
+    A point is given by the place (m, world frame) where it is at the state that was read last.
+
+    Args:
+        model: the model.
+        bodies: numbers of the bodies whose motion will be asked for.
+    """
 
     def __init__(self, model: mujoco.MjModel, bodies: Iterable[int]):
         parents, first, count = model.body_parentid, model.body_dofadr, model.body_dofnum
@@ -41,7 +48,7 @@ class Kinematics:
         self._biases = [(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)] * model.nbody
 
     def read(self, data: mujoco.MjData) -> None:
-        """Takes over the bodies' motion; what is said of them is of this state."""
+        """Reads the motion of the bodies from a state; all other methods refer to it."""
         if not self._chain:
             return
         self._velocities, self._centres = data.cvel.tolist(), data.subtree_com.tolist()
@@ -55,17 +62,17 @@ class Kinematics:
             biases[body] = x, y, z, u, v, w
 
     def spin(self, body: int) -> Vector:
-        """Angular velocity of a body, world axes, rad/s."""
+        """Returns the angular velocity of a body in world axes, rad/s."""
         x, y, z, *_ = self._velocities[body]
         return x, y, z
 
     def velocity(self, body: int, place: Vector) -> Vector:
-        """Velocity of the body's point at a place, m/s."""
+        """Computes the velocity of the body's point at a place, m/s, world axes."""
         spin_x, spin_y, spin_z, x, y, z = self._velocities[body]
         return plus((x, y, z), cross((spin_x, spin_y, spin_z), minus(place, self._centre(body))))
 
     def bend(self, body: int, place: Vector) -> Vector:
-        """J̇v of the body's point at a place, m/s²."""
+        """Computes J̇v of the body's point at a place, m/s², world axes."""
         # A call of every operation would double the time.
         x, y, z = place
         centre_x, centre_y, centre_z = self._centres[self._roots[body]]

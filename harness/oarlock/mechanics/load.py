@@ -1,4 +1,4 @@
-"""A MuJoCo model made ready for comparison: integrator, solver and softness set, hazards switched off."""
+"""Loading models: from MJCF files, and from the ``model.py`` of a parametrised one."""
 
 import re
 import warnings
@@ -15,11 +15,11 @@ from oarlock.base.options import Number, join_options
 
 
 def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
-    """Reads an MJCF file, or builds the model of a ``model.py`` with ``build(**parameters) -> mujoco.MjSpec``.
+    """Loads an MJCF file, or builds the model of a ``model.py`` by its ``build(**parameters) -> mujoco.MjSpec``.
 
     Raises:
-        InputError: no such file, malformed, parameters that ``build`` refuses, numbers that are not finite, or no
-            equality that closes a loop.
+        InputError: the file is missing or malformed, ``build`` refuses the parameters, a number is not finite, or the
+            model has no joint or no equality.
     """
     if not path.is_file():
         raise InputError(f"no model file '{path}'")
@@ -46,7 +46,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
 
 
 def _callbacks() -> str:
-    """What to know of an error where callbacks are set: MuJoCo's compiler calls them, for a model unknown to Python."""
+    """Names the callbacks that are set, for the message of an error: MuJoCo's compiler calls them too."""
     getters = {name[4:]: getattr(mujoco, name) for name in dir(mujoco) if name.startswith("get_mjcb_")}
     names = [name for name, get in getters.items() if get() is not None]
     return f"; the process has set {', '.join(names)}, expected no callbacks: take them back" if names else ""
@@ -54,7 +54,7 @@ def _callbacks() -> str:
 
 @contextmanager
 def collected_warnings() -> Iterator[list[str]]:
-    """MuJoCo's warnings, which it otherwise prints and writes to a file in the working folder."""
+    """Collects MuJoCo's warnings, which it otherwise prints and writes to a file in the working folder."""
     said: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(said.append)
@@ -70,11 +70,11 @@ def _attribute_with_nan(path: Path) -> str:
 
 
 _PHYSICS = ("qpos", "body_", "jnt_", "dof_", "geom_", "site_", "eq_", "tendon_", "wrap_", "actuator_", "key_")
-"""Prefixes of the fields that motion depends on."""
+"""Prefixes of the fields of a model that its motion depends on."""
 
 
 def _require_sound(path: Path, model: mujoco.MjModel) -> None:
-    """Refuses numbers that are not finite and names that are no text: MuJoCo lets both pass."""
+    """Refuses numbers that are not finite and names that are not UTF-8, which MuJoCo both accepts."""
     fields = {f"option {name}": getattr(model.opt, name) for name in dir(model.opt) if not name.startswith("_")}
     del fields["option timestep"]  # it may be replaced: prepare looks at the one that is used
     fields |= {name: getattr(model, name) for name in dir(model) if name.startswith(_PHYSICS)}
@@ -90,7 +90,7 @@ def _require_sound(path: Path, model: mujoco.MjModel) -> None:
 
 
 def _build(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
-    """Runs a ``model.py``. Whatever goes wrong in it is named in one line, with the call."""
+    """Runs a ``model.py``. An error in it becomes one line that names the call."""
     module = ModuleType(f"model of {path.parent.name}")
     module.__file__ = str(path)
     call = f"{path}: {join_options('build', parameters)}"

@@ -1,8 +1,8 @@
-"""A self-contained copy of an MJCF file: includes pasted in, assets beside it, joints, equalities and actuators named.
+"""Self-contained copies of MJCF files: includes pasted in, assets beside them, joints, equalities and actuators named.
 
-The author's text is kept: defaults, comments, and every number digit for digit. MuJoCo's own writer would round them to
-six digits, and a loop that was closed to 1e-16 would come out open. That the copy is the same model is not assumed but
-checked: both are compiled, and every array of the two must be equal bit for bit.
+The author's text is kept: defaults, comments, and every number digit for digit. MuJoCo's own writer would round numbers
+to six digits, and a loop that was closed to 1e-16 would come out open. That the copy is the same model is checked: both
+are compiled, and every array of the two must be equal bit for bit.
 """
 
 import re
@@ -20,7 +20,7 @@ from oarlock.base.errors import InputError, one_line
 from oarlock.mechanics.load import load_model
 
 ASSETS = "assets"
-"""Folder of the files that the copy refers to."""
+"""Name of the folder of the files that a copy refers to."""
 
 _FILES = {
     "mesh": ("file",),
@@ -29,7 +29,7 @@ _FILES = {
     "flexcomp": ("file",),
     "texture": ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback"),
 }
-"""Elements that refer to files, and their attributes."""
+"""Element → attributes that refer to files."""
 
 _ENDS = {
     "connect": ("body1", "body2", "site1", "site2"),
@@ -38,7 +38,7 @@ _ENDS = {
     "tendon": ("tendon1", "tendon2"),
     "flex": ("flex",),
 }
-"""Equality elements, and the attributes that a name for one is made of."""
+"""Element of an equality → attributes that a name for it is made of."""
 
 _BEFORE_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml.*?\?>\s*)?((?:<!--.*?-->\s*)+)", re.DOTALL)
 """Comments in front of the root, where a tree has no place for them."""
@@ -48,18 +48,23 @@ _DRIVEN = ("joint", "jointinparent", "tendon", "site", "body", "slidersite", "cr
 
 @dataclass
 class Copied:
-    """What copying did: files put beside the model, and names given to what had none."""
+    """What copying a model did.
+
+    Attributes:
+        files: names of the files in ``assets/``.
+        names: names given to elements that had none.
+    """
 
     files: list[str] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
 
 
 def copy_model(source: Path, folder: Path) -> Copied:
-    """Writes ``model.xml``, and ``assets/`` where there are any, into a folder.
+    """Writes ``model.xml`` and, if it refers to files, ``assets/`` into a folder.
 
     Raises:
-        InputError: MuJoCo refuses the model, it has no equality, a file that it names cannot be found or copied, or the
-            copy would not be the same model.
+        InputError: MuJoCo refuses the model, it has no equality, a file that it names cannot be found or copied, or
+            the copy is not the same model.
     """
     original = load_model(source)
     copier = Copier(folder)
@@ -78,7 +83,15 @@ def copy_model(source: Path, folder: Path) -> Copied:
 
 
 class Copier:
-    """Reads MJCF files with all that they include, and brings along what they refer to."""
+    """Reads MJCF files with everything that they include, and copies the files that they refer to.
+
+    Attributes:
+        copied: what was done so far.
+        header: comments in front of the root of any file that was read.
+
+    Args:
+        folder: folder of the copy.
+    """
 
     def __init__(self, folder: Path):
         self.copied = Copied()
@@ -89,7 +102,16 @@ class Copier:
     # Files.
 
     def read(self, path: Path, base: Path, prefix: str) -> ET.Element:
-        """A file with its includes pasted in, and with its assets copied and renamed to ``prefix`` + file name."""
+        """Reads a file, pastes its includes in and copies its assets.
+
+        Args:
+            path: the file.
+            base: folder that its paths are relative to.
+            prefix: put before the names of the copied assets.
+
+        Raises:
+            InputError: a file is missing or not well-formed.
+        """
         root = self._parse(path)
         self._paste(root, base, path.parent)
         self._gather(root, base, prefix)
@@ -106,7 +128,7 @@ class Copier:
         return root
 
     def _paste(self, parent: ET.Element, base: Path, here: Path) -> None:
-        """MuJoCo looks for an include beside the model first, then beside the file that includes it."""
+        """Pastes includes in. Like MuJoCo it looks beside the model first, then beside the including file."""
         for child in list(parent):
             if child.tag != "include":
                 self._paste(child, base, here)
@@ -163,7 +185,7 @@ class Copier:
         return name
 
     def _free(self, path: Path) -> str:
-        """A file name of its own: two files of one name come from two folders."""
+        """Returns an unused file name for an asset: files from different folders may have the same name."""
         path, name, count = path.resolve(), path.name, 1
         while self._taken.setdefault(name, path) != path:
             count += 1
@@ -173,7 +195,7 @@ class Copier:
     # Names.
 
     def name(self, root: ET.Element) -> None:
-        """Names what has none: a case speaks of joints, equalities and actuators by name."""
+        """Names joints, equalities and actuators that have no name, because a case addresses them by name."""
         joints: set[str | None] = {e.get("name") for tag in ("joint", "freejoint") for e in root.iter(tag)}
         for body, element in _joints(root):
             kind = "free" if element.tag == "freejoint" else element.get("type", "joint")
@@ -207,7 +229,7 @@ def _beside(base: Path, folder: str | None, otherwise: Path) -> Path:
 
 
 def _joints(root: ET.Element) -> Iterator[tuple[str, ET.Element]]:
-    """Every joint of the tree of bodies, with the name of its body."""
+    """Yields every joint of the tree of bodies with the name of its body."""
     count = 0
 
     def walk(element: ET.Element, body: str) -> Iterator[tuple[str, ET.Element]]:
@@ -231,7 +253,7 @@ _NAMES = ("names", "names_map", "paths", "nnames", "nnames_map", "npaths", "nbuf
 
 
 def differences(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
-    """Fields in which two models differ in any bit, names and paths of files aside."""
+    """Returns the fields in which two models differ in any bit, apart from names and paths of files."""
     found = []
     for name, value, other in _fields(first, second):
         if isinstance(value, np.ndarray):

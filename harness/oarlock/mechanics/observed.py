@@ -1,4 +1,4 @@
-"""What an outside truth or a published value speaks of: one coordinate, or the place of one site."""
+"""What an outside truth or a published value is about: one coordinate, or the place of one site."""
 
 import mujoco
 import numpy as np
@@ -10,10 +10,16 @@ _SCALAR = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 class Observed:
-    """A hinge's or slide's coordinate (rad or m), or a site's place in the world frame (m).
+    """Reads the coordinate of a hinge or slide (rad or m), or the place of a site (m, world frame).
+
+    Args:
+        model: the model.
+        where: what names it, for the message of an error.
+        joint: name of the joint, or None.
+        site: name of the site, or None.
 
     Raises:
-        InputError: the model has none of that name, or the joint is a ball or free joint; ``where`` says who names it.
+        InputError: the model has none of that name, or it is a ball or free joint.
     """
 
     def __init__(self, model: mujoco.MjModel, where: str, *, joint: str | None, site: str | None):
@@ -30,15 +36,15 @@ class Observed:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Entry of qpos, or number of a site, with the word for it."""
+        """``("qpos", entry of qpos)`` or ``("site", number of the site)``."""
         return ("qpos", self._qpos) if self._site is None else ("site", self._site)
 
     def position(self, data: mujoco.MjData) -> np.ndarray:
-        """Coordinate (1) or place (3), at a state whose position stage is done."""
+        """Returns the coordinate (1) or the place (3) at a state whose position stage is done."""
         if self._site is not None:
             return data.site_xpos[self._site]
         return data.qpos[self._qpos : self._qpos + 1]
 
     def velocity(self, data: mujoco.MjData) -> float:
-        """Rate of the coordinate, rad/s or m/s."""
+        """Returns the velocity of the coordinate, rad/s or m/s."""
         return float(data.qvel[self._qvel])

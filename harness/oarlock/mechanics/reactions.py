@@ -14,19 +14,26 @@ from oarlock.mechanics.names import element_name
 from oarlock.mechanics.rows import closing_jacobian
 
 ZERO_ROW = 1e-12
-"""Relative to the largest entry of J: the core folds away rows that are no larger."""
+"""Relative to the largest entry of J. The core folds away rows whose entries are all smaller."""
 
 VANISHES = 1e-6
-"""Null vectors of unit length share a redundancy among the equalities that have a part in it, each with some tenths;
-where an equality has no part they carry rounding over the gap of the singular values, 1e-10 or less."""
+"""Norm up to which null vectors of unit length count as zero on a row. Where an equality has a part in a redundancy it
+is some tenths; where it has none, rounding over the gap of the singular values, 1e-10 or less."""
 
 
 def unique_reactions(model: mujoco.MjModel, data: mujoco.MjData, rank: int) -> dict[str, bool]:
-    """Equality → whether its multipliers are unique, at a state whose position stage is done.
+    """Tells which equalities have unique multipliers, at a state whose position stage is done.
 
-    The rank is not decided here again: it is the one that the start was found with, from the eigenvalues of
-    A = J M⁻¹ Jᵀ. With M = L Lᵀ the singular values of J L⁻ᵀ are their square roots, so that its left singular vectors
-    beyond ``rank`` span null(A) = null(Jᵀ), without the squared condition number of A.
+    With M = L Lᵀ the singular values of J L⁻ᵀ are the square roots of the eigenvalues of A = J M⁻¹ Jᵀ, so that its left
+    singular vectors beyond ``rank`` span null(A) = null(Jᵀ), without the squared condition number of A.
+
+    Args:
+        model: the model.
+        data: the state.
+        rank: rank of A as it was decided at the start, from the eigenvalues of A.
+
+    Returns:
+        Name of an equality → whether its multipliers are unique.
     """
     ne = data.ne
     jacobian = closing_jacobian(model, data)
@@ -46,7 +53,7 @@ def unique_reactions(model: mujoco.MjModel, data: mujoco.MjData, rank: int) -> d
 
 
 def verdict(unique: dict[str, bool]) -> Reactions:
-    """The equalities taken together: all, some or none of them determined."""
+    """Says whether the multipliers of all equalities are unique, of some, or of none."""
     if all(unique.values()):
         return "unique"
     return "partly unique" if any(unique.values()) else "not unique"

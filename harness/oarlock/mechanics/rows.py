@@ -1,13 +1,14 @@
-"""J of a state."""
+"""The constraint Jacobian J of a state."""
 
 import mujoco
 import numpy as np
 
 
 def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """J of all constraint rows, (nefc, nv); a view of MuJoCo's arena where the model's Jacobian is dense.
+    """Returns J (nefc, nv) of all constraint rows, at a state whose position stage is done.
 
-    MuJoCo makes room for rows that it then leaves out because they are zero: the array may be longer than J.
+    Where the model's Jacobian is dense, it is a view of MuJoCo's memory and holds until the next stage. MuJoCo's own
+    array may be longer, because it has room for rows that are left out because they are zero.
     """
     if mujoco.mj_isSparse(model):
         nefc = data.nefc
@@ -20,5 +21,5 @@ def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def closing_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """J of the equality rows, (ne, nv); those of limits and contacts come after them. As ``jacobian``."""
+    """Returns J (ne, nv) of the equality rows, which come before those of limits and contacts (see ``jacobian``)."""
     return jacobian(model, data)[: data.ne]

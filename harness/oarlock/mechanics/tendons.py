@@ -1,4 +1,4 @@
-"""J̇v of tendons: the part of a tendon's L̈ that needs no acceleration of the coordinates.
+"""J̇v of tendons, the part of L̈ that does not depend on the acceleration of the coordinates.
 
 A tendon's Jacobian is the gradient of its length, so J̇v is L̈ at q̈ = 0, and a spatial tendon's L̈ follows from the
 motion of the sites it runs through. A piece that wraps a geom is the shortest path on a sphere or a cylinder, and its
@@ -22,18 +22,18 @@ _SITE, _PULLEY = int(mujoco.mjtWrap.mjWRAP_SITE), int(mujoco.mjtWrap.mjWRAP_PULL
 _JOINT, _CYLINDER = int(mujoco.mjtWrap.mjWRAP_JOINT), int(mujoco.mjtWrap.mjWRAP_CYLINDER)
 
 _ON_SITE = -1
-"""What MuJoCo's path says of a point on a site; geoms have their id, pulleys −2."""
+"""MuJoCo's mark for a point of a path on a site. Geoms have their number, pulleys −2."""
 
 _Motion = tuple[Vector, Vector, Vector]
-"""Place, velocity and acceleration at q̈ = 0 of an end, in a frame said where it is used."""
+"""Place (m), velocity (m/s) and acceleration at q̈ = 0 (m/s²) of an end; the frame is said where it is used."""
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """From one site to the next, over a geom or not."""
+    """The piece of a path from one site to the next, with or without a geom to wrap around."""
 
     order: int
-    """Number of sites that the path runs through before it, its own first one counted."""
+    """Number of sites on the path up to the first one of this piece, which is counted."""
     sites: tuple[int, int]
     divisor: float
     geom: int | None = None
@@ -42,7 +42,7 @@ class _Piece:
 
 
 class Tendon:
-    """One tendon of a model. Its pieces are read from the model once; whether they wrap is read at every state."""
+    """Computes J̇v of one tendon. Its pieces are read from the model once; whether they wrap, at every state."""
 
     def __init__(self, model: mujoco.MjModel, index: int):
         self._model, self._index = model, index
@@ -50,13 +50,13 @@ class Tendon:
         self._pieces = _pieces(model, index)
         sites = [int(model.site_bodyid[site]) for piece in self._pieces for site in piece.sites]
         self.bodies = sites + [int(model.geom_bodyid[piece.geom]) for piece in self._pieces if piece.geom is not None]
-        """Those whose motion it needs."""
+        """Numbers of the bodies whose motion it needs."""
 
     def bend(self, data: mujoco.MjData, kinematics: Kinematics) -> float:
-        """J̇v of the tendon, m/s²; 0 for a fixed tendon, whose Jacobian is constant.
+        """Computes J̇v of the tendon, m/s²; 0 for a fixed tendon, whose Jacobian is constant.
 
         Raises:
-            InputError: the length has no second derivative here, or wraps inside a geom.
+            InputError: the length has no second derivative at this state, or the tendon wraps inside a geom.
         """
         total = 0.0
         touches = self._touches(data)
@@ -69,7 +69,7 @@ class Tendon:
         return total
 
     def _touches(self, data: mujoco.MjData) -> dict[int, Vector]:
-        """Order of a piece that wraps its geom here → the point where it arrives on it."""
+        """Finds the pieces that wrap at this state: order of a piece → the point where the path meets the geom."""
         found: dict[int, Vector] = {}
         if all(piece.geom is None for piece in self._pieces):
             return found
@@ -128,7 +128,10 @@ class Tendon:
     def _around(
         self, ends: list[_Motion], radius: float, touch: Vector, axis: Vector | None
     ) -> tuple[float, float, float]:
-        """ℓ, ℓ̇ and ℓ̈ of a path around a circle (axis given: all vectors but ``touch`` across it) or a sphere."""
+        """Computes ℓ, ℓ̇ and ℓ̈ of a path around a sphere, or around a circle across ``axis``.
+
+        With an axis all vectors but ``touch`` are at right angles to it.
+        """
         (x0, v0, a0), (x1, v1, a1) = ends
         normal = cross(x0, x1)
         normal_rate = plus(cross(v0, x1), cross(x0, v1))
@@ -171,14 +174,14 @@ def _motion(data: mujoco.MjData, kinematics: Kinematics, site: int, body: int) -
 
 
 def _norm(x: Vector, v: Vector, a: Vector) -> tuple[float, float, float]:
-    """|x| with its first and second derivative; x is not 0."""
+    """Computes |x| and its first and second derivative; x is not 0."""
     length = math.sqrt(dot(x, x))
     rate = dot(x, v) / length
     return length, rate, (dot(v, v) + dot(x, a) - rate * rate) / length
 
 
 def _across(vector: Vector, axis: Vector | None) -> Vector:
-    """The part of a vector at right angles to an axis; all of it where there is none."""
+    """Returns the part of a vector at right angles to an axis; all of it if there is no axis."""
     return vector if axis is None else minus(vector, scaled(dot(vector, axis), axis))
 
 

@@ -1,1 +1,1 @@
-"""The page kit: charts, templates, and folders of pages, whatever they are about."""
+"""The page kit: charts, templates and folders of pages, independent of what they show."""

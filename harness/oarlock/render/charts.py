@@ -1,4 +1,4 @@
-"""Figures of a report, as Altair charts: pure functions of the tables."""
+"""Parts of Altair charts that all figures share: colours, scales, axes, sampling."""
 
 import math
 from collections.abc import Iterable
@@ -8,14 +8,14 @@ import numpy as np
 import polars as pl
 
 VIEW = np.array([[0.80, 0.60, 0.0], [-0.28, 0.37, 0.886]])
-"""Rows: the screen's right and up in world coordinates; a parallel projection with z up."""
+"""Parallel projection with z up: the rows are the screen's right and up in world coordinates."""
 
 
 WIDTH, HEIGHT = 720, 180
 
 
 SAMPLES = 400
-"""Points of a curve. More would make the files large and show nothing new at this width."""
+"""Number of points of a curve. More would make the files large and show nothing new at this width."""
 
 
 COLOURS = {
@@ -33,7 +33,7 @@ _SPARE = ["#1b9e77", "#e7298a", "#66a61e", "#a6761d"]
 
 
 def colour(names: Iterable[str], title: str | None = None) -> alt.Color:
-    """Colour by ``who``: an engine has the same one in every figure."""
+    """Makes a colour encoding by the field ``who``, in which an engine has the same colour in every figure."""
     domain = list(dict.fromkeys(names))
     spare = iter(_SPARE * len(domain))
     colours = [COLOURS.get(name) or next(spare) for name in domain]
@@ -43,7 +43,7 @@ def colour(names: Iterable[str], title: str | None = None) -> alt.Color:
 
 
 def log_scale(values: Iterable[float]) -> tuple[alt.Scale, alt.Axis]:
-    """A logarithmic scale that labels powers of ten, over the data and at least two decades."""
+    """Makes a logarithmic scale over the values and at least two decades, with labels at powers of ten."""
     positive = [v for v in values if v and v > 0 and math.isfinite(v)]
     low = math.floor(math.log10(min(positive))) if positive else -1
     high = math.ceil(math.log10(max(positive))) if positive else 1
@@ -55,7 +55,7 @@ def log_scale(values: Iterable[float]) -> tuple[alt.Scale, alt.Axis]:
 
 
 def log_axis(values: Iterable[float], title: str) -> alt.Y:
-    """``value`` on a logarithmic axis."""
+    """Makes a logarithmic axis for the field ``value``."""
     scale, axis = log_scale(values)
     return alt.Y("value:Q", title=title, scale=scale, axis=axis)
 
@@ -65,20 +65,20 @@ def _time_axis() -> alt.X:
 
 
 def envelope(time: np.ndarray, values: np.ndarray, samples: int = SAMPLES) -> pl.DataFrame:
-    """The largest magnitude in each of ``samples`` equal parts of the run: no peak is lost."""
+    """Reduces values (n) to the largest magnitude in each of ``samples`` equal parts, so that no peak is lost."""
     edges = np.linspace(0, len(time), min(samples, len(time)) + 1).astype(int)[:-1]
     return pl.DataFrame({"time": np.round(time[edges], 9), "value": np.maximum.reduceat(np.abs(values), edges)})
 
 
 def sampled(time: np.ndarray, values: np.ndarray, samples: int = SAMPLES) -> pl.DataFrame:
-    """Values at equally spaced steps, the first and last included: for smooth curves."""
+    """Reduces values (n) of a smooth curve to those at equally spaced steps, including the first and the last."""
     index = np.unique(np.linspace(0, len(time) - 1, min(samples, len(time))).astype(int))
     return pl.DataFrame({"time": np.round(time[index], 9), "value": values[index]})
 
 
 def _significant(frame: pl.DataFrame) -> pl.DataFrame:
-    """Six digits are more than a figure shows, and keep its file the same when the last bit moves.
+    """Rounds values to six digits, more than a figure shows, so that its file is stable when the last bit moves.
 
-    What is not known becomes a gap: JSON has no NaN.
+    NaN becomes null, a gap in the curve, because JSON has no NaN.
     """
     return frame.with_columns(pl.col("value").fill_nan(None).round_sig_figs(6))

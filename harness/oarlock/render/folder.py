@@ -1,4 +1,4 @@
-"""The folder of a report: replaced as a whole, and only where nothing but an old report is lost."""
+"""Folders of reports, which are replaced as a whole, and only if nothing but an old report is lost."""
 
 import os
 import shutil
@@ -9,11 +9,15 @@ from pathlib import Path
 from oarlock.base.errors import InputError
 
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
-"""What the report of a model's results consists of. A folder that holds anything else is not replaced."""
+"""Names in the folder of a report. A folder that holds anything else is not replaced."""
 
 
 def require_report(target: Path, contents: Sequence[str]) -> None:
-    """Raises InputError where a folder holds anything but an old report of these contents, or is a file."""
+    """Checks that a folder may be replaced.
+
+    Raises:
+        InputError: ``target`` is a file, or a folder that holds anything but ``contents``.
+    """
     if target.exists() and not target.is_dir():
         raise InputError(f"'{target}' is a file, expected a new folder or an old report")
     foreign = sorted(path.name for path in target.iterdir() if path.name not in contents) if target.exists() else []
@@ -22,10 +26,14 @@ def require_report(target: Path, contents: Sequence[str]) -> None:
 
 
 def write_whole(target: Path, write: Callable[[Path], None]) -> Path:
-    """Has a folder written under a temporary name, which then takes the place of the old one.
+    """Writes a folder under a temporary name, then puts it in place of the old one.
+
+    Args:
+        target: the folder.
+        write: writes the contents to the folder that it is given.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the folder cannot be written.
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Figures and pages, whatever they are of."""
+"""Figures and pages, independent of what they show."""
 
 import contextlib
 import functools
@@ -23,7 +23,7 @@ _EMBED = "window.vegaEmbed = vegaEmbed;"
 
 @dataclass(frozen=True)
 class Figure:
-    """A chart with its file name and its caption."""
+    """A chart with the name of its file and its caption."""
 
     name: str
     caption: str
@@ -31,24 +31,24 @@ class Figure:
 
     @functools.cached_property
     def spec(self) -> str:
-        """The chart as JSON, which takes long to make: drawing and page have the same one."""
+        """The chart as JSON. It takes long to make, so the drawing and the page share it."""
         return json.dumps(self.chart.to_dict(), sort_keys=True)
 
     def svg(self) -> str:
-        """The chart as a drawing."""
+        """Draws the chart as SVG."""
         return vl_convert.vegalite_to_svg(self.spec)
 
 
 def page(
     title: str, text: str, drawn: list[Figure], occasion: dict[str, Any], timed: Sequence[dict[str, Any]] = ()
 ) -> str:
-    """Renders a Markdown page as one HTML file; its links to other pages lead to theirs.
+    """Renders Markdown as one HTML file without outside references. Links to other pages lead to their HTML.
 
     Args:
-        title: of the page.
-        text: its Markdown; an image named as one of ``drawn`` becomes an interactive chart.
+        title: title of the page.
+        text: its Markdown; an image named like one of ``drawn`` becomes an interactive chart.
         drawn: the charts.
-        occasion: what is told of the occasion that it was made on, such as commit and date.
+        occasion: when and where it was made, such as commit and date.
         timed: rows of a table of timings.
     """
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
@@ -78,18 +78,18 @@ def page(
 
 
 def script_json(value: Any) -> str:
-    """JSON that cannot end the script that it stands in."""
+    """Renders a value as JSON that cannot end the script element that it stands in."""
     return json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def script_library() -> str:
-    """The chart library as it stands in a script."""
+    """Returns the chart library as text for a script element."""
     return _library().replace("</script", "<\\/script")
 
 
 @functools.cache
 def _library() -> str:
-    """The chart library, which takes a second to bundle: once for every version, where the user's caches are."""
+    """Bundles the chart library. That takes a second, so every version is kept in the user's cache."""
     home = os.environ.get("XDG_CACHE_HOME")
     folder = (Path(home) if home else Path.home() / ".cache") / "oarlock"
     kept = folder / f"charts-{vl_convert.__version__}-{hashlib.sha256(_EMBED.encode()).hexdigest()[:16]}.js"

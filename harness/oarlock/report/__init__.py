@@ -1,1 +1,1 @@
-"""Reports of results: pure functions from a folder of tables to a page."""
+"""Reports of results: pure functions from folders of results to pages."""

@@ -1,4 +1,4 @@
-"""The report: a pure function of a folder of results.
+"""The report of a case, as a pure function of its folder of results.
 
 The tracked part (README.md and the SVG figures) holds physical figures and what they were computed from. Timings, date
 and commit go to ``timings.json``, ``provenance.json`` and the HTML page, which are not tracked, so that regenerating a
@@ -26,7 +26,7 @@ _NO_CURVATURE = ("joint", "tendon")
 
 
 class Tables:
-    """The results of a folder, as the template and the figures ask for them."""
+    """The results of a folder, as the template and the figures need them."""
 
     def __init__(self, folder: ResultFolder):
         self.folder = folder
@@ -45,13 +45,13 @@ class Tables:
             raise InputError(f"'{folder.path}' holds no finished run, expected at least one")
 
     def pick(self, **where: str) -> dict[str, Any] | None:
-        """The first run that has these values; of several integrators the case's own comes first."""
+        """Returns the first run with these values, or None. Of several integrators the case's own comes first."""
         own = self.case["run"]["integrator"]
         found = [row for row in self.rows if all(row[key] == value for key, value in where.items())]
         return min(found, key=lambda row: row["integrator"] != own, default=None)
 
     def all(self, **where: str) -> list[dict[str, Any]]:
-        """Every run that has these values."""
+        """Returns all runs with these values."""
         return [row for row in self.rows if all(row[key] == value for key, value in where.items())]
 
     @property
@@ -62,16 +62,16 @@ class Tables:
 
     @property
     def rate_unit(self) -> str:
-        """Unit of how fast they change."""
+        """Unit of the rates of the loops' deviations."""
         return {"m": "m/s", "rad": "rad/s"}.get(self.unit, "m/s or rad/s")
 
     @property
     def without_curvature(self) -> list[str]:
-        """Equalities of the kinds for which MuJoCo's reference acceleration leaves J̇v out."""
+        """Names of the equalities for which MuJoCo's reference acceleration leaves J̇v out."""
         return [equality["name"] for equality in self.case["model"]["equalities"] if equality["kind"] in _NO_CURVATURE]
 
     def free_runs(self) -> dict[str, dict[str, Any]]:
-        """The free runs that figures compare: MuJoCo default, MuJoCo stiff, exact; those there are."""
+        """The free runs that figures compare, as far as there are any: MuJoCo default, MuJoCo stiff, exact."""
         candidates = {
             "MuJoCo default": self.pick(mode="free", solver="mujoco", settings="default"),
             "MuJoCo stiff": self.pick(mode="free", solver="mujoco", settings="stiff"),
@@ -81,28 +81,28 @@ class Tables:
 
     @property
     def knows_truth(self) -> bool:
-        """Whether any run was held against an outside truth."""
+        """Whether any run was compared with an outside truth."""
         return any(row["truth_error_max"] is not None for row in self.rows)
 
     @property
     def truth_unit(self) -> str:
-        """Unit of the distance from the truth: that of the joint, or of a site's place."""
+        """Unit of the distance from the truth, which is about a joint or about the place of a site."""
         joint = self.case["truth"]["joint"] if self.case["truth"] else None
         return next((c["unit"] for c in self.case["model"]["coordinates"] if c["name"] == joint), "m")
 
     def steps(self, row: dict[str, Any], *columns: str) -> pl.DataFrame:
-        """Columns of the steps of a run; of a long one condensed."""
+        """Returns columns of the steps of a run, condensed if it is long."""
         with reading(self.folder.steps_path(row["run"])) as path:
             return figures.condensed(pl.scan_parquet(path).select("step", *columns), row["steps_done"])
 
     def counted(self, row: dict[str, Any], column: str) -> pl.DataFrame:
-        """How many steps have each value of a column, as ``len``."""
+        """Counts the steps with each value of a column, in the column ``len``."""
         with reading(self.folder.steps_path(row["run"])) as path:
             return pl.scan_parquet(path).group_by(column).len().collect(engine="streaming")
 
 
 def draw(tables: Tables) -> list[Figure]:
-    """The figures that the runs of a folder allow."""
+    """Draws the figures that the runs of a folder allow."""
     drawn = [
         Figure(
             "mechanism",
@@ -146,7 +146,7 @@ def draw(tables: Tables) -> list[Figure]:
 
 
 def markdown(tables: Tables, drawn: list[Figure]) -> str:
-    """The tracked page."""
+    """Renders the tracked page."""
     inputs = {key: value for key, value in tables.provenance.items() if key not in OCCASION}
     compared = Compared.of(tables)
     return render(
@@ -162,12 +162,12 @@ def markdown(tables: Tables, drawn: list[Figure]) -> str:
 
 
 def html(tables: Tables, text: str, drawn: list[Figure]) -> str:
-    """The same page with interactive figures, timings and the occasion, in one file without outside references."""
+    """Renders the page with interactive figures, timings and the occasion, in one file without outside references."""
     return page(tables.case["title"], text, drawn, occasion_of(tables.provenance), timings(tables)["runs"])
 
 
 def timings(tables: Tables) -> dict[str, Any]:
-    """What changes from run to run."""
+    """Returns the timings of all runs, which change from run to run."""
     runs = [{"run": row["run"], **{name: row[name] for name in TIMING_FIGURES}} for row in tables.rows]
     return {"runs": runs}
 
@@ -175,11 +175,15 @@ def timings(tables: Tables) -> dict[str, Any]:
 def write_report(results: Path, target: Path) -> Path:
     """Writes README.md, figures/*.svg, index.html, timings.json and provenance.json.
 
-    The folder is made whole under a temporary name and then takes the place of the old one: an interruption leaves
-    the old report or the new one, never a mixture.
+    The folder is written under a temporary name and then takes the place of the old one: an interruption leaves the
+    old report or the new one, never a mixture.
+
+    Args:
+        results: folder of results of one case.
+        target: folder of the report.
 
     Raises:
-        InputError: the results are missing or not whole, or the target cannot be written or is not a report.
+        InputError: the results are missing or damaged, or the target cannot be written or is not a report.
     """
     tables = Tables(ResultFolder(results))
     require_report(target, CONTENTS)

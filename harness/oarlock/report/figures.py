@@ -1,4 +1,4 @@
-"""Figures of the report of a case: pure functions of its tables."""
+"""Figures of the report of a case, as pure functions of its tables."""
 
 import itertools
 import math
@@ -22,26 +22,30 @@ from oarlock.render.charts import (
 )
 
 STRETCHES = 20_000
-"""Rows of a table that figures are drawn from, where it is longer than ``LONG``."""
+"""Rows that a table longer than ``LONG`` is condensed to before figures are drawn from it."""
 
 
 LONG = 100_000
-"""Rows of a table up to which figures are drawn from all of them."""
+"""Maximum number of rows of a table that figures are drawn from as it is."""
 
 
 TRACED = 4800
-"""Points of all traces of a mechanism. With many loops each is traced more coarsely."""
+"""Points of all traces of a mechanism together. With many loops each is traced more coarsely."""
 
 
 NAMED = 12
-"""Bodies that a legend has room for."""
+"""Maximum number of bodies in a legend."""
 
 
 def condensed(steps: pl.LazyFrame, height: int) -> pl.DataFrame:
-    """A long table of ``height`` rows in stretches of equal length, which no curve shows; needs the column ``step``.
+    """Condenses a long table to stretches of equal length, too short to show in a curve.
 
     Time and coordinates are those at the beginning of a stretch, iterations its mean. Of other figures, and of each row
-    of the constraints, it has the largest magnitude, or NaN where there is one: no peak is lost, and no gap.
+    of the constraints, it is the largest magnitude, or NaN if the stretch has one, so that no peak and no gap is lost.
+
+    Args:
+        steps: the table, which needs the column ``step``.
+        height: its number of rows.
     """
     if height <= LONG:
         return steps.collect()
@@ -75,7 +79,7 @@ def _largest(column: pl.Expr) -> pl.Expr:
 
 
 def columns_of(steps: pl.DataFrame, name: str) -> np.ndarray:
-    """A list column as an array (steps, entries); rows of another length than the first are NaN."""
+    """Returns a list column as an array (steps, entries). Rows of another length than the first are NaN."""
     lists = steps[name].to_list()
     width = len(lists[0]) if lists and lists[0] is not None else 0
     blank = [math.nan] * width
@@ -85,9 +89,9 @@ def columns_of(steps: pl.DataFrame, name: str) -> np.ndarray:
 def coordinates(
     runs: dict[str, pl.DataFrame], names: list[dict[str, str]], truth: tuple[str, pl.DataFrame] | None
 ) -> alt.TopLevelMixin:
-    """Coordinates over time, a panel each; coordinates that move as an earlier one are left out.
+    """Draws coordinates over time, one panel each. Coordinates that move like an earlier one are left out.
 
-    ``names`` gives name and unit of every entry of qpos; ``truth`` the name of one of them and its true path.
+    ``names`` has the name and unit of every entry of qpos, ``truth`` the name of one of them and its true path.
     """
     paths = {who: columns_of(steps, "qpos") for who, steps in runs.items()}
     first = next(iter(paths.values()))
@@ -119,7 +123,7 @@ def coordinates(
 
 
 def over_time(runs: dict[str, pl.DataFrame], column: str, title: str, rule: float | None = None) -> alt.TopLevelMixin:
-    """A figure of the steps over time on a logarithmic axis; its envelope, so that no peak is lost."""
+    """Draws the envelope of a column of the steps over time on a logarithmic axis, so that no peak is lost."""
     frames = []
     for who, steps in runs.items():
         kept = steps.filter(pl.col(column).is_not_null())
@@ -136,7 +140,7 @@ def over_time(runs: dict[str, pl.DataFrame], column: str, title: str, rule: floa
 
 
 def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str, unit: str) -> alt.TopLevelMixin:
-    """Deviations of the first ``rows`` constraint rows, a panel an engine, on one logarithmic axis."""
+    """Draws the deviations of the first ``rows`` constraint rows, one panel per engine, on one logarithmic axis."""
     frames = []
     for who, steps in runs.items():
         residual = columns_of(steps, "residual")
@@ -158,9 +162,9 @@ def deviations(runs: dict[str, pl.DataFrame], rows: int, name: str, unit: str) -
 
 
 def iterations(steps: pl.DataFrame, counted: pl.DataFrame, paper: float | None) -> alt.TopLevelMixin:
-    """Mean iterations of stretches of the run beside the paper's mean, and how often each count occurred.
+    """Draws the mean iterations of stretches of a run beside the paper's mean, and how often each count occurred.
 
-    ``counted`` has a row a number of iterations: ``iterations`` and ``len``, the number of its solves.
+    ``counted`` has one row per number of ``iterations``, with ``len``, the number of solves that took it.
     """
     time, counts = steps["time_s"].to_numpy(), steps["iterations"].to_numpy().astype(float)
     edges = np.linspace(0, len(time), min(120, len(time)) + 1).astype(int)
@@ -194,7 +198,7 @@ def iterations(steps: pl.DataFrame, counted: pl.DataFrame, paper: float | None) 
 
 
 def _view(sketch: dict[str, Any]) -> np.ndarray:
-    """The usual projection; for a mechanism in a coordinate plane, that plane."""
+    """Returns the usual projection (2, 3); for a mechanism in a coordinate plane, the one to that plane."""
     points = np.array([p for body in sketch["bodies"] for p in (body["hub"], *body["points"])], dtype=float)
     extent = np.ptp(points.reshape(-1, 3), axis=0)
     flat = extent <= 1e-6 * extent.max()
@@ -202,7 +206,7 @@ def _view(sketch: dict[str, Any]) -> np.ndarray:
 
 
 def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
-    """The mechanism at its start, with the traces that the anchors of its loops run along."""
+    """Draws the mechanism at its start, with the paths of the anchors of its loops."""
     view = _view(sketch)
 
     def project(points: list[list[float]]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The summary over all cases: a pure function of their folders of results.
+"""The summary of all cases, as a pure function of their folders of results.
 
 As in the report of one case, what changes from one occasion to the next is not in the tracked files (README.md,
 summary.json, figures/*.svg) but in index.html and provenance.json beside them. Precision against time is therefore
@@ -23,20 +23,20 @@ from oarlock.tables.ledger import Ledger
 from oarlock.tables.provenance import OCCASION
 
 DIGITS = 6
-"""Significant digits of the tracked summary.json: enough to compare, and steady where the last bits are not."""
+"""Significant digits of the tracked summary.json: enough to compare, and stable when the last bits are not."""
 
 EXACT = ("pinv", "cholesky", "sr1-tracked", "sr1")
-"""Whose free run with exact constraints stands for ours: the first that a case has."""
+"""Solvers whose free run with exact constraints stands for oarlock; the first that a case has."""
 
 DOUBTFUL = 0.01
-"""Share of solves that did not converge from which on the mean iterations are marked: they are those of giving up."""
+"""Share of unconverged solves above which mean iterations are marked, because they count giving up."""
 
 _OF_CASE = ("case", "model_sha256", "case_sha256")
 
 
 @dataclass(frozen=True)
 class Place:
-    """A figure with the run that it is of, for naming the worst."""
+    """A figure and the run that has it, for naming the worst."""
 
     value: float
     line: "Line"
@@ -49,9 +49,9 @@ class Line:
 
     Attributes:
         name: name of the case.
-        slug: name of its folder, of results and of its page.
+        slug: name of the folder of its results and of the folder of its page.
         refused: why it could not be run; empty if it could.
-        failures: name of a unit that was not done → why.
+        failures: name of a unit that was not finished → why.
         tables: its results; None if there are none.
     """
 
@@ -68,16 +68,16 @@ class Line:
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """A row a run."""
+        """Summary rows of the runs."""
         return self.tables.rows if self.tables else []
 
     def gates(self, held: bool | None) -> list[dict[str, Any]]:
-        """Gates that held, that did not, or that were not checked."""
+        """Returns the gates that held (True), that failed (False) or that were not checked (None)."""
         return [gate for gate in self.tables.gates if gate["held"] is held] if self.tables else []
 
     @property
     def verdict(self) -> str:
-        """In words, for the table."""
+        """What became of the gates, in words."""
         if self.refused:
             return "**refused**"
         if self.failures:
@@ -89,7 +89,7 @@ class Line:
         return f"all {held} hold" if held else "no gates"
 
     def free(self, who: str) -> dict[str, Any] | None:
-        """The free run of ``default`` or ``stiff`` MuJoCo, or of ``exact`` constraints."""
+        """Returns the free run of ``default`` or ``stiff`` MuJoCo or of ``exact`` constraints, or None."""
         if self.tables is None:
             return None
         if who != "exact":
@@ -98,10 +98,10 @@ class Line:
         return next((row for row in found if row), None)
 
     def solving(self, who: str) -> dict[str, Any] | None:
-        """The run whose iterations count.
+        """Returns the run whose iterations stand for a solver; None if there is none.
 
-        Of our solvers with exact constraints, along the exact trajectory if there is one; of MuJoCo's ``cg`` and
-        ``pgs`` its own free run.
+        For solvers of oarlock it has exact constraints, along the exact trajectory if possible; for MuJoCo's ``cg``
+        and ``pgs`` it is their own free run.
         """
         if self.tables is None:
             return None
@@ -111,16 +111,16 @@ class Line:
         return min(found, key=lambda row: row["walker"] == "mujoco", default=None)
 
     def figure(self, row: dict[str, Any] | None, name: str) -> Any:
-        """A figure of a run; nothing of a run that there is not, or that diverged."""
+        """Returns a figure of a run; None if there is no run or it diverged."""
         return row[name] if row and row["status"] != "diverged" else None
 
     def doubtful(self, who: str) -> bool:
-        """Whether more than ``DOUBTFUL`` of the solves of the run whose iterations count did not converge."""
+        """Tells whether more than ``DOUBTFUL`` of the solves of the run that ``solving`` returns did not converge."""
         row = self.solving(who)
         return bool(row) and (row["unconverged"] or 0) > DOUBTFUL * row["solves"]
 
     def cells(self) -> dict[str, Any]:
-        """What the tables show."""
+        """Returns what the tables of the summary show of the case."""
         drift = {who: self.figure(self.free(who), "drift_pos_max") for who in ("default", "stiff", "exact")}
         truth = {who: self.figure(self.free(who), "truth_error_max") for who in ("default", "stiff", "exact")}
         solving = {who: self.solving(who) for who in figures.SOLVERS.values()}
@@ -131,13 +131,13 @@ class Line:
 
 
 class Summary:
-    """All lines, and what stands out among them."""
+    """All cases, and what stands out among them."""
 
     def __init__(self, folders: Iterable[Path]):
         self.lines = [Line(path) for path in folders]
 
     def _largest(self, name: str, who: str) -> list[Place]:
-        """The largest value of a figure of a free run, an entry a unit: metres and radians do not compare."""
+        """Returns the largest value of a figure of a free run, one per unit: metres and radians do not compare."""
         worst: dict[str, Place] = {}
         for line in self.lines:
             row = line.free(who)
@@ -151,7 +151,7 @@ class Summary:
 
     @property
     def worst(self) -> dict[str, list[Place]]:
-        """What → the worst, an entry a unit."""
+        """Returns the worst values by figure, one per unit."""
         return {
             "Largest drift of MuJoCo with its default softness": self._largest("drift_pos_max", "default"),
             "Largest drift of exact constraints": self._largest("drift_pos_max", "exact"),
@@ -163,21 +163,21 @@ class Summary:
 
     @property
     def failing(self) -> list[tuple[Line, dict[str, Any]]]:
-        """Gates that do not hold."""
+        """Returns the gates that failed, with their cases."""
         return [(line, gate) for line in self.lines for gate in line.gates(False)]
 
     @property
     def held(self) -> int:
-        """How many gates hold."""
+        """Number of gates that held."""
         return sum(len(line.gates(True)) for line in self.lines)
 
     def ended(self, status: str) -> list[tuple[Line, dict[str, Any]]]:
-        """Runs that ended like this."""
+        """Returns the runs that ended with a status, with their cases."""
         return [(line, row) for line in self.lines for row in line.rows if row["status"] == status]
 
     @property
     def inputs(self) -> dict[str, Any]:
-        """Versions and kind of machine, where they are the same for all."""
+        """Returns versions and kind of machine, as far as they are the same for all cases."""
         all_inputs = [line.tables.provenance for line in self.lines if line.tables]
         first = all_inputs[0] if all_inputs else {}
         names = [name for name in first if name not in (*OCCASION, *_OF_CASE)]
@@ -185,13 +185,13 @@ class Summary:
 
     @property
     def occasion(self) -> dict[str, Any]:
-        """Of the newest results."""
+        """Returns the occasion of the newest results."""
         all_inputs = [line.tables.provenance for line in self.lines if line.tables]
         newest = max(all_inputs, key=lambda i: str(i.get("date")), default={})
         return {name: newest.get(name) for name in OCCASION}
 
     def document(self) -> dict[str, Any]:
-        """The tracked summary.json: the contract's shape, without timings and occasion."""
+        """Returns the contents of the tracked summary.json, without timings and occasion."""
         with_tables = [(line, line.tables) for line in self.lines if line.tables]
         cases = {line.name: {k: tables.provenance[k] for k in _OF_CASE[1:]} for line, tables in with_tables}
         return {
@@ -207,7 +207,7 @@ class Summary:
 
 
 def draw(summary: Summary) -> tuple[list[Figure], list[Figure]]:
-    """The tracked figures, and those that hold timings."""
+    """Draws the tracked figures, and those that hold timings."""
     cells = {line.name: line.cells() for line in summary.lines}
     drifts = {name: c["drift"] for name, c in cells.items() if any(c["drift"].values())}
     counts = {
@@ -244,12 +244,16 @@ def draw(summary: Summary) -> tuple[list[Figure], list[Figure]]:
 
 
 def write_summary(folders: Sequence[Path], target: Path) -> Path:
-    """Writes README.md, summary.json and figures/*.svg, and, not to be tracked, index.html and provenance.json.
+    """Writes README.md, summary.json and figures/*.svg and, not to be tracked, index.html and provenance.json.
 
-    Pages of single cases are beside them, in folders named as those of the results. What else is there stays.
+    Pages of single cases are expected beside them, in folders named like those of the results. Other files stay.
+
+    Args:
+        folders: folders of results of the cases.
+        target: folder of the summary.
 
     Raises:
-        InputError: results that are not whole, or the target cannot be written.
+        InputError: results are damaged, or the target cannot be written.
     """
     summary = Summary(folders)
     tracked, timed = draw(summary)
@@ -273,7 +277,7 @@ def _rounded(value: Any) -> Any:
 
 
 def _lines(document: dict[str, Any]) -> str:
-    """JSON with a line a run and a line a gate: a difference shows which."""
+    """Renders JSON with one line per run and per gate, so that a difference shows which one changed."""
     parts = []
     for key, value in _rounded(document).items():
         if isinstance(value, list):

@@ -9,24 +9,24 @@ import polars as pl
 from oarlock.render.charts import colour, log_scale
 
 SOLVERS = {"sr1": "sr1", "sr1-tracked": "sr1-tracked", "MuJoCo CG": "cg", "MuJoCo PGS": "pgs"}
-"""Whose iterations are compared: name → settings or solver of the run."""
+"""Solvers whose iterations are compared: name → settings or solver of the run."""
 
 ENGINES = {"MuJoCo default": "default", "MuJoCo stiff": "stiff", "exact": "exact"}
 
 FLOOR = 0.01
-"""Iterations below it are drawn at it: a mean of none has no logarithm."""
+"""Lower bound of drawn iterations, because zero has no logarithm."""
 
 WIDTH = 560
 _STAGES = {"rk4": 4}
 
 
 def _significant(rows: list[dict[str, Any]]) -> pl.DataFrame:
-    """Six digits, as in the figures of one case."""
+    """Rounds values to six digits, as in the figures of one case."""
     return pl.DataFrame(rows).with_columns(pl.col(pl.Float64).round_sig_figs(6))
 
 
 def _dots(frame: pl.DataFrame, who: list[str], title: str) -> alt.Chart:
-    """A row a case, a dot an engine, on a logarithmic axis."""
+    """Draws one row per case and one dot per engine on a logarithmic axis."""
     scale, axis = log_scale(frame["value"])
     order = list(dict.fromkeys(frame["case"]))
     return (
@@ -43,7 +43,7 @@ def _dots(frame: pl.DataFrame, who: list[str], title: str) -> alt.Chart:
 
 
 def drift(cases: dict[str, dict[str, float | None]]) -> alt.TopLevelMixin:
-    """Largest drift of every case: MuJoCo default, MuJoCo stiff, exact."""
+    """Draws the largest drift of every case: MuJoCo default, MuJoCo stiff, exact."""
     rows = [
         {"case": case, "who": who, "value": value}
         for case, drifts in cases.items()
@@ -54,7 +54,7 @@ def drift(cases: dict[str, dict[str, float | None]]) -> alt.TopLevelMixin:
 
 
 def iterations(cases: dict[str, dict[str, tuple[float, bool]]]) -> alt.TopLevelMixin:
-    """Mean iterations a solve of every case, and whether to draw them pale."""
+    """Draws the mean iterations per solve of every case. A value comes with whether to draw it pale."""
     rows = [
         {"case": case, "who": who, "value": max(float(counts[key][0]), FLOOR), "pale": counts[key][1]}
         for case, counts in cases.items()
@@ -67,7 +67,10 @@ def iterations(cases: dict[str, dict[str, tuple[float, bool]]]) -> alt.TopLevelM
 
 
 def work(cases: dict[str, list[dict[str, Any]]], against: str) -> alt.TopLevelMixin:
-    """Distance from the truth against ``solves`` or ``time``, a panel a case; a curve an engine and integrator."""
+    """Draws the distance from the truth against ``solves`` or ``time``.
+
+    There is one panel per case and one curve per engine and integrator.
+    """
     rows = []
     for case, runs in cases.items():
         for run in runs:
@@ -106,7 +109,7 @@ def work(cases: dict[str, list[dict[str, Any]]], against: str) -> alt.TopLevelMi
 
 
 def _work(run: dict[str, Any], against: str) -> float | None:
-    """Solves, or microseconds, that a simulated second takes."""
+    """Computes the solves, or the microseconds, that a simulated second takes."""
     if against == "solves":
         return _STAGES.get(run["integrator"], 1) / run["timestep_s"]
     step_us = run["step_us_median"]

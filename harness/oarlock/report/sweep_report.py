@@ -1,4 +1,4 @@
-"""The page of a sweep: a pure function of its folder. Times are in index.html only, as in the other reports."""
+"""The page of a sweep, as a pure function of its folder. Times are in index.html only, as in the other reports."""
 
 import json
 from pathlib import Path
@@ -23,24 +23,24 @@ PANELS = {
     "min_norm_error_max": "min-norm error",
     "iterations_mean": "iterations a solve",
 }
-"""Figure of the summary → what its panel is called; a panel without values is left out."""
+"""Figure of the summary → title of its panel. A panel without values is left out."""
 
 LABELLED = 12
-"""Values that an axis has room for; of more it labels round ones."""
+"""Maximum number of values that an axis labels one by one; with more it labels round numbers."""
 
 TIME = "time"
 _TIMED = {TIME: "time a simulated second (µs)"}
 
 
 def who(row: dict[str, Any]) -> str:
-    """The engine of a run, as in the other figures."""
+    """Returns the name of the engine of a run, as in the other figures."""
     return "MuJoCo default" if row["solver"] == "mujoco" else f"exact ({row['solver']})"
 
 
 def chart(rows: list[dict[str, Any]], axis: dict[str, Any], panels: dict[str, str]) -> alt.TopLevelMixin | None:
-    """Figures of the summary against one swept key, a panel each; None if there is nothing to draw.
+    """Draws figures of the summary against one swept key, one panel each; None if there is nothing to draw.
 
-    Runs that diverged are left out. With more than one key, a curve for every value of the others.
+    Runs that diverged are left out. With more than one key there is a curve for every value of the others.
     """
     key, geometric = axis["key"], axis["spacing"] == "geometric"
     frame = pl.DataFrame(
@@ -93,10 +93,14 @@ def _timed(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_sweep_report(results: Path, target: Path) -> Path:
-    """Writes README.md, figures/*.svg and index.html.
+    """Writes README.md, figures/*.svg and index.html of a sweep.
+
+    Args:
+        results: folder of the sweep.
+        target: folder of the page.
 
     Raises:
-        InputError: the results are not whole, or the target cannot be written.
+        InputError: the results are damaged, or the target cannot be written.
     """
     document = ResultFolder(results).read_json("summary.json")
     try:

@@ -1,4 +1,4 @@
-"""Closing loops: from a pose to the nearest one where every equality row is zero, or to what stands in the way."""
+"""Closing loops: from a pose to a near one where every equality row is zero, or to the equalities that prevent it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,26 +16,31 @@ from oarlock.stepping.projection import Projector, gap
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 
 CLOSED = 1e-12
-"""A loop is closed when no row is off by more, in m or rad: about 1000 rounding errors of a length of 1 m, so that a
-start that is already consistent comes out as it went in."""
+"""Largest deviation of a row of a closed loop, m or rad: about 1000 rounding errors of a length of 1 m, so that a start
+that is already consistent is not changed."""
 
 MAX_STEPS = 50
 TRUST = 0.5
-"""Longest Newton step of one coordinate, in rad or m."""
+"""Largest Newton step of a coordinate, rad or m."""
 
 SUSPECTS = 24
-"""So many equalities at most are tried one by one when a start cannot be closed: two closings each."""
+"""Maximum number of equalities that are tried one by one when a start cannot be closed; each takes two closings."""
 
 
 FAR = 1e6
-"""A gap in m or rad that no mechanism closes in ``MAX_STEPS`` steps of ``TRUST``."""
+"""A gap, m or rad, that no mechanism closes in ``MAX_STEPS`` steps of ``TRUST``."""
 
 
 def close(model: mujoco.MjModel, data: mujoco.MjData, rank_cut: float | None) -> bool:
     """Closes the active equalities by changing ``qpos``; the position stage is valid afterwards.
 
-    Newton steps in the metric of M, damped when they do not help (Levenberg–Marquardt), with contacts, limits and
-    friction switched off: on its way to a closed pose the mechanism may pass through them.
+    It takes Newton steps in the metric of M, damped when they do not help (Levenberg–Marquardt), with contacts, limits
+    and friction switched off: on its way to a closed pose the mechanism may pass through them.
+
+    Args:
+        model: the model.
+        data: the pose, which is changed.
+        rank_cut: eigenvalues below this part of the largest count as zero; None for the solver's default.
 
     Returns:
         Whether every row is closed; if not, the pose is the best one found.
@@ -79,12 +84,12 @@ def _loops_only(model: mujoco.MjModel) -> Iterator[None]:
 
 
 def culprits(model: mujoco.MjModel, given: mujoco.MjData, rank_cut: float | None) -> str:
-    """Which equalities keep a pose from being closed, in words: each is tried alone, then all but each.
+    """Says in words which equalities keep a pose from being closed. Each is tried alone, then all but each.
 
     Args:
-        model: as ``given``.
-        given: the pose that could not be closed; it is left alone.
-        rank_cut: as for ``close``.
+        model: the model.
+        given: the pose that could not be closed; it is not changed.
+        rank_cut: eigenvalues below this part of the largest count as zero; None for the solver's default.
     """
     active = [equality for equality in equalities(model) if given.eq_active[equality.index]]
     trial = mujoco.MjData(model)
@@ -113,11 +118,11 @@ def culprits(model: mujoco.MjModel, given: mujoco.MjData, rank_cut: float | None
 
 
 def require_rows(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Checks that there is something to close, and that it can be computed.
+    """Checks that a pose has equality rows and that they can be computed.
 
     Raises:
-        InputError: no equality has a row at this pose, one is of a kind that is not known, its rows are not finite, or
-            the model's memory does not hold them, in which case MuJoCo leaves some out.
+        InputError: no equality has a row at this pose, one is of an unknown kind, its rows are not finite, or the
+            model's memory does not hold them, in which case MuJoCo leaves some out.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is named below
         Curvature(model, data)

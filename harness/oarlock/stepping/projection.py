@@ -1,10 +1,10 @@
 """Projection onto the constraint manifold: positions with r(q) = 0, velocities with J v = 0.
 
-Of all changes that close the rows the nearest in the metric of M is taken, δ = −M⁻¹ Jᵀ A⁺ r with A = J M⁻¹ Jᵀ. It has
-no part along the motions that the rows admit; redundant rows and rows that contradict one another are met in the sense
-of least squares. Positions take Newton rounds, for r is not linear in q; J v is linear in v, and repeating only removes
-what a solver's tolerance left. A velocity projected like this never gains kinetic energy. (Eich 1993, Convergence
-results for a coordinate projection method applied to mechanical systems with algebraic constraints.)
+Of all changes that close the rows it takes the smallest in the metric of M, δ = −M⁻¹ Jᵀ A⁺ r with A = J M⁻¹ Jᵀ. This
+has no part along the motions that the rows admit; redundant and contradicting rows are met in the sense of least
+squares. Positions take Newton rounds, because r is not linear in q; J v is linear in v, and repeating only removes what
+a solver's tolerance left. A velocity projected like this never gains kinetic energy. (Eich 1993, Convergence results
+for a coordinate projection method applied to mechanical systems with algebraic constraints.)
 """
 
 from dataclasses import dataclass
@@ -19,19 +19,19 @@ from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.solvers import SolverSpec
 
 TRACKED = SolverSpec("sr1-tracked", (("predict", 0.0),))
-"""The projector's own solver: A⁺ carried from step to step, every solve started from A⁺ b, for residuals are noise and
-an earlier one says nothing about the next."""
+"""Solver of a projector. It carries A⁺ from step to step and starts every solve from A⁺ b, because residuals are noise
+and an earlier one says nothing about the next."""
 
 MAX_ROUNDS = 5
-"""Newton's rounds square the gap: from a gap that is worth projecting, three reach rounding."""
+"""Maximum number of Newton rounds. They square the gap, so that three reach rounding from any gap worth projecting."""
 
 LANDED = 1000.0
-"""A row counts as closed up to so many roundings: what long chains and large angles accumulate. Projection does not
-stop there, but where rows no longer fall."""
+"""Number of roundings up to which a row counts as closed, as long chains and large angles accumulate them. Projection
+does not stop there, but where rows no longer fall."""
 
 TRUST_MIN, TRUST_MAX = 1e-6, 0.1
-"""rad or m. A mechanism at rest may still be moved: more than rounding makes of a nearly singular pose, less than one
-sees. One that races must not be moved by more than keeps it near its pose."""
+"""Bounds of the trust length, rad or m. The lower one lets a mechanism at rest be moved by more than rounding makes of
+a nearly singular pose, and less than one sees; the upper one keeps a fast one near its pose."""
 
 _EPSILON = float(np.finfo(float).eps)
 
@@ -43,11 +43,11 @@ class Projection:
     """What one projection did.
 
     Attributes:
-        status: ``landed``: every row is closed to rounding; ``open``: the rows no longer fell before that;
-            ``too-far``: closing them takes more than the trust length, and the state was left as it was.
-        rounds: corrections of the positions.
-        solves: solves, those for the velocities among them.
-        iterations: their iterations, in the solver's own count.
+        status: ``landed`` if every row is closed to rounding; ``open`` if the rows stopped falling before that;
+            ``too-far`` if closing them takes more than the trust length, and the state was left as it was.
+        rounds: number of corrections of the positions.
+        solves: number of solves, including those for the velocities.
+        iterations: number of their iterations, in the solver's own count.
         moved: largest change of a coordinate, rad or m.
     """
 
@@ -59,12 +59,20 @@ class Projection:
 
 
 def gap(data: mujoco.MjData) -> float:
-    """Largest deviation of an equality row, in m or rad."""
+    """Computes the largest deviation of any equality row, m or rad, at a state whose position stage is done."""
     return float(np.abs(data.efc_pos[: data.ne]).max(initial=0.0))
 
 
 class Projector:
-    """Projects states of one model, with a solver of its own that carries what it learns.
+    """Projects states of one model, with a solver of its own that carries what it learned.
+
+    Attributes:
+        model: the model.
+
+    Args:
+        model: the model.
+        rank_cut: eigenvalues below this part of the largest count as zero; None for the solver's default.
+        solver: specification of the solver.
 
     Raises:
         InputError: the solver has an unknown option or a value out of range.
@@ -75,7 +83,7 @@ class Projector:
         self.rank = 0
         """Rank of A at the last correction."""
         self.last: Projection | None = None
-        """What the last projection did."""
+        """What the last projection did; None before the first."""
         self._inertia = Inertia(model)
         self._solver = solver.with_defaults(rank_cut=rank_cut).make()
         self._zero = np.zeros(model.nv)
@@ -84,9 +92,12 @@ class Projector:
         self._solves = self._iterations = 0
 
     def correction(self, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0) -> np.ndarray:
-        """δ = M⁻¹ Jᵀ A⁺ c (nv): of those nearest to J δ = c the one with the least ½ δᵀ M δ.
+        """Computes δ = M⁻¹ Jᵀ A⁺ c (nv), the least-squares solution of J δ = c with the smallest ½ δᵀ M δ.
 
-        The position stage must be valid. ``wanted`` is c (ne); ``damping`` is added to the diagonal of A.
+        Args:
+            data: a state whose position stage is done.
+            wanted: c (ne).
+            damping: added to the diagonal of A.
         """
         jacobian = closing_jacobian(self.model, data)
         softness = np.full(len(wanted), damping) if damping else None
@@ -98,12 +109,14 @@ class Projector:
         return self._inertia.acceleration(data, multipliers)[0]
 
     def project(self, data: mujoco.MjData, trust: float) -> Projection:
-        """Projects ``qpos``, then ``qvel``; leaves the position stage valid. What is at rounding is left untouched.
+        """Projects ``qpos``, then ``qvel``. Rows that are closed to rounding are left alone.
+
+        The position stage is valid afterwards.
 
         Args:
             data: a state with finite positions and velocities.
-            trust: longest change of a coordinate, rad or m, that still is a correction and not another pose; taken
-                between ``TRUST_MIN`` and ``TRUST_MAX``.
+            trust: largest change of a coordinate, rad or m, that is still a correction and not another pose; clipped
+                to ``TRUST_MIN`` and ``TRUST_MAX``.
         """
         self._solves = self._iterations = 0
         status, rounds, moved = self._positions(data, min(max(trust, TRUST_MIN), TRUST_MAX))

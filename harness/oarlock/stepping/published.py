@@ -1,4 +1,4 @@
-"""Values printed by others, held against a run at exactly the step of their time."""
+"""Values that others published, compared with a run at exactly the step of their time."""
 
 from collections import defaultdict
 
@@ -13,15 +13,15 @@ from oarlock.mechanics.names import equalities
 from oarlock.mechanics.observed import Observed
 
 ON_GRID = 1e-9
-"""Part of a timestep by which the time of a value may miss a step: no state is interpolated."""
+"""Part of a timestep by which the time of a value may differ from that of a step; no state is interpolated."""
 
 _ROWS = {"connect": 3, "weld": 6, "joint": 1, "tendon": 1, "flex": 1}
 
 
 def componentwise(value: np.ndarray, published: np.ndarray) -> float:
-    """Largest relative difference of any component.
+    """Computes the largest relative difference of any component.
 
-    Where the printed one is 0, relative to the largest printed one, and where all are, absolute.
+    Where a published component is 0, the difference is relative to the largest one; where all are 0, it is absolute.
     """
     scale = np.abs(published)
     scale[scale == 0] = scale.max() or 1.0
@@ -29,9 +29,12 @@ def componentwise(value: np.ndarray, published: np.ndarray) -> float:
 
 
 class PublishedValues:
-    """The published values of a case, each with its step.
+    """The published values of a case by the step of their time.
 
-    At another timestep than the case's own (``own`` is false) a value between two steps is left out.
+    Args:
+        model: the model of the case.
+        case: the case.
+        own: whether the timestep is the case's own. At any other one, values between two steps are left out.
 
     Raises:
         InputError: a value names something that the model does not have, or lies between two of the case's own steps.
@@ -63,19 +66,20 @@ class PublishedValues:
 
     @property
     def last_step(self) -> int:
-        """Step of the latest value; −1 if there is none."""
+        """Step of the latest value; −1 if there are no values."""
         return max(self._due, default=-1)
 
     @property
     def steps(self) -> list[int]:
-        """Steps that something is printed for."""
+        """Steps that have published values."""
         return sorted(self._due)
 
     def errors(self, step: int, data: mujoco.MjData) -> dict[str, float]:
-        """How far the state at a step is from what is printed for it; nothing where nothing is.
+        """Computes how far the state at a step is from the values published for it.
 
-        Position: largest absolute difference, rad or m. Velocity and multipliers (those in ``data.efc_force``):
-        largest relative difference of any component.
+        Returns:
+            For positions the largest absolute difference, rad or m; for velocities and multipliers (those in
+            ``data.efc_force``) the largest relative difference of any component. Empty if the step has no values.
         """
         found: dict[str, float] = {}
 

@@ -1,4 +1,4 @@
-"""The question of one state, and the answer of a solver to it."""
+"""The constraint problem of one state, and the answer of a solver to it."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,14 @@ from oarlock.stepping.state import State
 
 
 class Answer(NamedTuple):
-    """Multipliers (ne) of one state, the accelerations and constraint forces (nv) they give, and the solver's info."""
+    """The answer of a solver to the question of one state.
+
+    Attributes:
+        multipliers: λ (ne), in N or N m.
+        qacc: accelerations (nv) that they give.
+        qfrc: constraint forces Jᵀλ (nv).
+        info: what the solver reports.
+    """
 
     multipliers: np.ndarray
     qacc: np.ndarray
@@ -21,7 +28,12 @@ class Answer(NamedTuple):
 
 
 class Question:
-    """A λ = b of one state in one form."""
+    """The problem A λ = b of one state in one form.
+
+    Args:
+        state: the state, which is read anew before every question.
+        form: ``matched`` or ``hard``.
+    """
 
     def __init__(self, state: State, form: Form):
         self.state = state
@@ -29,24 +41,24 @@ class Question:
         self._inertia = Inertia(state.model)
 
     def ask(self) -> None:
-        """Assembles the system from the state as it was last read."""
+        """Assembles A and b from the state as it was last read."""
         state = self.state
         aref, softness = state.question(self.form)
         self._inertia.assemble(state.data, state.jacobian, state.unconstrained, aref, softness)
 
     def solve(self, solver: core.MultiplierSolver) -> tuple[np.ndarray, core.Info]:
-        """One solver's multipliers (ne) and info."""
+        """Solves for the multipliers λ (ne); returns them and what the solver reports."""
         return solver.solve_system(self._inertia.system)
 
     def answer(self, solver: core.MultiplierSolver) -> Answer:
-        """One solver's multipliers, and what follows of them."""
+        """Solves for the multipliers and computes the accelerations and forces that follow."""
         multipliers, info = self.solve(solver)
         qacc, qfrc = self._inertia.acceleration(self.state.data, multipliers)
         return Answer(multipliers, qacc, qfrc, info)
 
 
 class SolvedForce:
-    """A force law: the answer of one solver to the question of every state it is shown."""
+    """A force law: applies the answer of one solver to the question of every state."""
 
     def __init__(self, state: State, form: Form, solver: core.MultiplierSolver):
         self.question = Question(state, form)
@@ -54,12 +66,12 @@ class SolvedForce:
         self._infos: list[core.Info] = []
 
     def take_infos(self) -> list[core.Info]:
-        """The infos of the solves since they were last taken: one a stage."""
+        """Returns what the solver reported since the last call, one entry per stage, and forgets it."""
         infos, self._infos = self._infos, []
         return infos
 
     def apply(self, data: mujoco.MjData) -> None:
-        """Writes qacc, qfrc_constraint and efc_force."""
+        """Solves the question of a state and writes qacc, qfrc_constraint and efc_force."""
         self._state.read()
         self.question.ask()
         answer = self.question.answer(self._solver)

@@ -1,4 +1,4 @@
-"""Solvers by name, and their answers to the question of one state."""
+"""Solvers by name, with their options."""
 
 from dataclasses import dataclass
 
@@ -7,35 +7,40 @@ from oarlock.base.errors import InputError, choose
 from oarlock.base.options import Number, join_options, split_options
 
 MUJOCO = "mujoco"
-"""Stands among the solvers for MuJoCo itself, in free runs and as a walker."""
+"""Name that stands for MuJoCo itself among the solvers, in free runs and as a walker."""
 
 
 REFERENCE = "pinv"
-"""The solver whose multipliers count as the minimum-norm ones."""
+"""Solver whose multipliers count as the minimum-norm ones of a single state."""
 
 
 RUN_REFERENCE = "pinv-tracked"
-"""The same along a run, where the last step's decomposition helps."""
+"""Solver whose multipliers count as the minimum-norm ones along a run; it starts from the last step's eigenvectors."""
 
 
 def solver_names() -> list[str]:
-    """Names in the registry of the compiled core."""
+    """Returns the names of the solvers in the registry of the compiled core."""
     return list(core.solvers())
 
 
 @dataclass(frozen=True)
 class SolverSpec:
-    """A solver with options, as written: ``sr1:eps_abs=1e-7,max_iterations=20``."""
+    """A solver with options, written as ``sr1:eps_abs=1e-7,max_iterations=20``.
+
+    Attributes:
+        name: name of the solver, or ``mujoco``.
+        options: pairs of name and value.
+    """
 
     name: str
     options: tuple[tuple[str, Number], ...] = ()
 
     @classmethod
     def parse(cls, text: str) -> "SolverSpec":
-        """Reads a specification; each value becomes one of its option's kind, so that a solver has one name.
+        """Parses a specification. Values take the type of their option, so that equal solvers have equal names.
 
         Raises:
-            InputError: unknown solver or option, or a value that is not a number or out of range.
+            InputError: the solver or an option is unknown, or a value is not a number or out of range.
         """
         name, given = split_options(text, "solver option", switches=True)
         choose("solver", name, [MUJOCO, *solver_names()])
@@ -51,7 +56,7 @@ class SolverSpec:
         return join_options(self.name, dict(self.options))
 
     def with_defaults(self, **defaults: float | None) -> "SolverSpec":
-        """Adds options that the solver has and the specification leaves open; None is left out."""
+        """Adds options that the solver has and the specification does not give. Values of None are left out."""
         if self.name == MUJOCO:
             return self
         known = core.solvers()[self.name][1]
@@ -60,5 +65,9 @@ class SolverSpec:
         return SolverSpec(self.name, (*self.options, *added.items()))
 
     def make(self) -> core.MultiplierSolver:
-        """A fresh solver. Raises InputError for an unknown option or a value out of range."""
+        """Makes a new solver.
+
+        Raises:
+            InputError: an option is unknown or its value out of range.
+        """
         return core.make_solver(self.name, **dict(self.options))

@@ -1,4 +1,4 @@
-"""A consistent start: positions on the constraint manifold, velocities along it."""
+"""Consistent starts: positions on the constraint manifold, velocities along it."""
 
 from dataclasses import dataclass
 
@@ -18,16 +18,24 @@ from oarlock.stepping.projection import Projector, gap
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 
 KEYFRAME = "start"
-"""Name of the model's keyframe that a start begins from, where there is one; entries of [start] come on top."""
+"""Name of the keyframe that a start begins from, if the model has it. Entries of ``[start]`` replace its values."""
 
 
 UNIT = 1e-3
-"""A quaternion may miss the norm 1 by so much, as one of three digits does; more is a mistake, not rounding."""
+"""Largest deviation of a quaternion's norm from 1, as one of three digits has; more is a mistake, not rounding."""
 
 
 @dataclass(frozen=True)
 class ConsistentStart:
-    """A start and what the constraints are there."""
+    """A consistent start and what the constraints are there.
+
+    Attributes:
+        qpos: positions (nq), with all loops closed.
+        qvel: velocities (nv) that obey the constraints.
+        rows: number of equality rows, ne.
+        rank: rank of A = J M⁻¹ Jᵀ.
+        dof: degrees of freedom, nv − rank.
+    """
 
     qpos: np.ndarray
     qvel: np.ndarray
@@ -35,9 +43,9 @@ class ConsistentStart:
     rank: int
     dof: int
     moved: float
-    """Largest change that closing made to a coordinate, in rad or m."""
+    """Largest change of a coordinate by closing the loops, rad or m."""
     unique: dict[str, bool]
-    """Equality → whether the rigid model determines its multipliers."""
+    """Name of an equality → whether the rigid model determines its multipliers."""
 
 
 def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: str, case: Case) -> None:
@@ -78,15 +86,16 @@ def _disturb(model: mujoco.MjModel, data: mujoco.MjData, seed: int) -> None:
 
 
 def consistent_start(model: mujoco.MjModel, case: Case, seed: int | None = None) -> ConsistentStart:
-    """Closes the loops of a case's start, then makes its velocities obey them.
+    """Closes the loops of a case's start, then makes its velocities obey the constraints.
 
-    Positions by Newton steps in the metric of M, damped when they do not help (Levenberg–Marquardt); velocities by
-    v − M⁻¹ Jᵀ A⁺ J v. Ranks are counted at the closed pose.
+    Positions are found by Newton steps in the metric of M, damped when they do not help (Levenberg–Marquardt), and
+    velocities by v − M⁻¹ Jᵀ A⁺ J v. Ranks are counted at the closed pose.
 
     Args:
-        model: the case's, prepared.
-        case: whose start it is.
-        seed: disturbs the start before it is closed, with normal numbers of the deviation ``DISTURBANCE``.
+        model: the model of the case, prepared.
+        case: the case.
+        seed: seed of normal numbers of standard deviation ``DISTURBANCE`` that disturb the start before it is closed;
+            None for the start as it is.
 
     Raises:
         InputError: a name or a size is wrong, rows other than equality rows are active, or a loop cannot be closed.

@@ -1,4 +1,4 @@
-"""What one state says: J, the smooth acceleration, and the constraint rows, straight from MuJoCo's arrays."""
+"""The inputs of the constraint problem at one state, read from MuJoCo's arrays: J, M⁻¹ f and the constraint rows."""
 
 import mujoco
 import numpy as np
@@ -10,16 +10,18 @@ from oarlock.mechanics.rows import jacobian
 
 
 class State:
-    """J and the rows of a state whose smooth stages are done.
+    """J and the constraint rows of a state whose smooth stages are done.
 
-    ``read`` refreshes the fields. All but ``curvature`` alias MuJoCo's arrays: they hold until the next stage call.
+    ``read`` refreshes the fields. All but ``curvature`` are views of MuJoCo's arrays, which hold until the next stage.
 
     Attributes:
-        jacobian: J, (ne, nv).
-        unconstrained: M⁻¹ f, (nv), f = passive + applied + actuator − bias.
-        residual: r, (ne), m or rad.
-        rate: J v, (ne).
-        curvature: J̇ v, (ne).
+        model: the model.
+        data: the state.
+        jacobian: J (ne, nv).
+        unconstrained: accelerations without constraints, M⁻¹ f (nv), with f = passive + applied + actuator − bias.
+        residual: deviations of the rows, r (ne), m or rad.
+        rate: J v (ne), m/s or rad/s.
+        curvature: J̇v (ne), m/s² or rad/s².
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, baumgarte: Baumgarte):
@@ -28,7 +30,7 @@ class State:
         self._beta2, self._k = 2.0 * baumgarte.beta, baumgarte.k
 
     def read(self) -> None:
-        """Takes the fields from the data.
+        """Reads the fields from the data.
 
         Raises:
             InputError: rows other than equality rows are active.
@@ -43,9 +45,9 @@ class State:
         self._curvature.write(data, self.curvature)
 
     def question(self, form: Form) -> tuple[np.ndarray, np.ndarray | None]:
-        """The accelerations asked of the rows, aref (ne), and their softness, R (ne) or None.
+        """Returns the accelerations asked of the rows, aref (ne), and their softness R (ne), None for R = 0.
 
-        matched: MuJoCo's own aref and R. hard: aref = −J̇v − 2β Jv − k r and R = 0 (Baumgarte 1972).
+        ``matched`` takes MuJoCo's own aref and R; ``hard`` aref = −J̇v − 2β Jv − k r and R = 0 (Baumgarte 1972).
         """
         if form == "matched":
             return self.data.efc_aref, self.data.efc_R
