@@ -1,4 +1,4 @@
-//! What can be wrong with the input. Every message names the value and what was expected.
+//! Errors of bad input. Every message names the value and what was expected.
 
 use crate::params::value::Value;
 
@@ -6,7 +6,7 @@ use crate::params::value::Value;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// An array has another shape than its companions.
+    /// The shape of an array does not fit the other arrays.
     #[error("{what} has shape {got}, expected {expected}")]
     Shape {
         /// The array's name.
@@ -16,7 +16,7 @@ pub enum Error {
         /// The shape it has.
         got: String,
     },
-    /// The system was assembled from a factored step, whose M⁻¹ it does not have.
+    /// Accelerations were asked of a system that was assembled from a factored step and lacks M⁻¹.
     #[error("a system of a factored step has no accelerations, expected one of M, J and f")]
     Factored,
     /// There are no constraint rows or no velocities.
@@ -25,7 +25,7 @@ pub enum Error {
         /// The array's name.
         what: &'static str,
     },
-    /// A NaN or an infinity.
+    /// A number is NaN or infinite.
     #[error("{what}[{index}] = {value}, expected finite numbers")]
     NonFinite {
         /// The array's name.
@@ -35,7 +35,7 @@ pub enum Error {
         /// The offending value.
         value: f64,
     },
-    /// A number whose square would overflow, or nearly.
+    /// A number is so large that its square would overflow, or nearly.
     #[error(
         "{what}[{index}] = {value:e}, expected numbers up to {LARGEST:e}: squares of larger ones overflow"
     )]
@@ -69,7 +69,7 @@ pub enum Error {
         /// Largest eigenvalue.
         largest: f64,
     },
-    /// M has no Cholesky factor.
+    /// M is not positive definite: it has no Cholesky factor.
     #[error(
         "mass matrix is not positive definite (diagonal runs from {smallest:e} to {largest:e}): \
          check that every moving body has positive mass and inertia"
@@ -80,10 +80,10 @@ pub enum Error {
         /// Largest diagonal entry.
         largest: f64,
     },
-    /// A softness must not be negative.
+    /// A softness is negative.
     #[error("regularisation[{index}] = {value}, expected a number ≥ 0")]
     NegativeRegularisation {
-        /// Row.
+        /// Index of the row.
         index: usize,
         /// The offending value.
         value: f64,
@@ -91,9 +91,9 @@ pub enum Error {
     /// No solver has this name.
     #[error("unknown solver '{name}', expected one of: {valid}")]
     UnknownSolver {
-        /// The name asked for.
+        /// The name that was asked for.
         name: String,
-        /// The names there are.
+        /// The names that exist.
         valid: String,
     },
     /// The solver has no such option.
@@ -101,9 +101,9 @@ pub enum Error {
     UnknownOption {
         /// The solver.
         solver: &'static str,
-        /// The option asked for.
+        /// The option that was asked for.
         option: String,
-        /// The options there are.
+        /// The options that exist.
         valid: String,
     },
     /// An option is out of range.
@@ -113,28 +113,28 @@ pub enum Error {
         solver: &'static str,
         /// The option.
         option: &'static str,
-        /// The value given.
+        /// The value that was given.
         value: Value,
-        /// The range.
+        /// The expected range.
         expected: &'static str,
     },
-    /// A saved state belongs to another solver or another version, or is not whole.
+    /// A saved state belongs to another solver or another version, or is incomplete.
     #[error("solver '{solver}' cannot take the state: {reason}")]
     State {
-        /// The solver that was to take it.
+        /// The solver that should restore it.
         solver: &'static str,
         /// What is wrong, and what was expected.
         reason: String,
     },
-    /// The eigensolver gave up; finite symmetric input does not get here in practice.
+    /// The eigensolver did not converge, which does not happen with finite symmetric input in practice.
     #[error("symmetric eigendecomposition of an {n}×{n} matrix did not converge")]
     Eigen {
-        /// Size.
+        /// Size n of the matrix.
         n: usize,
     },
 }
 
-/// Largest size of an entry of A or b. Solvers form squares and sums of squares.
+/// Largest magnitude of an entry of A or b, because solvers form squares and sums of squares.
 pub const LARGEST: f64 = 1e150;
 
 /// Checks that every entry is finite and no larger than [`LARGEST`].

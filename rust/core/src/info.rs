@@ -1,4 +1,4 @@
-//! What a solve reports.
+//! The figures that a solve reports.
 
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -6,16 +6,16 @@
 pub enum Status {
     /// The stopping test of the solver was met.
     Converged,
-    /// The iteration limit was reached first, or nothing was left to gain. The multipliers come from a refresh where the
-    /// solver carries an inverse, and are the best it has met where it does not.
+    /// The iteration limit was reached, or no further progress was possible. The multipliers come from a refresh if the solver
+    /// carries an inverse, and are the best that it has met otherwise.
     IterationLimit,
-    /// The iteration could not go on: an overflow, an x beyond all bounds, no curvature or no progress. The multipliers are
-    /// those of [`IterationLimit`](Self::IterationLimit).
+    /// The iteration could not go on, because of an overflow, an x beyond all bounds, no curvature or no progress. The
+    /// multipliers are chosen as for [`IterationLimit`](Self::IterationLimit).
     Breakdown,
 }
 
 impl Status {
-    /// The name used in tables: `converged`, `iteration-limit`, `breakdown`.
+    /// Returns the name used in tables: `converged`, `iteration-limit` or `breakdown`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -26,36 +26,36 @@ impl Status {
     }
 }
 
-/// The figures of one solve. A figure that the solver cannot know is `None`.
+/// The figures of one solve. Figures that the solver cannot know are `None`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Info {
     /// How the solve ended.
     pub status: Status,
-    /// Iterations, in the solver's own count (for `sr1` the paper's k); 0 for a direct solver.
+    /// Number of iterations, in the solver's own count (for `sr1` the paper's k); 0 for a direct solver.
     pub iterations: usize,
-    /// Products with A or with the carried inverse, O(n²) each.
+    /// Number of products with A or with the carried inverse, O(n²) each.
     pub products: usize,
-    /// ‖A x − b‖ / ‖b‖, in the least-squares sense (‖A x − P b‖ / ‖b‖, P onto range(A)) where the solver knows range(A).
-    /// What folding takes out of b, where proportional rows contradict one another, counts for no solver.
+    /// Relative residual ‖A x − b‖ / ‖b‖; if the solver knows range(A), in the least-squares sense, ‖A x − P b‖ / ‖b‖ with the
+    /// projector P onto range(A). The part of b that folding removes, where proportional rows contradict one another, does not count.
     pub residual_rel: f64,
-    /// ‖Nᵀ b‖, N an orthonormal basis of null(A): how far the redundant rows contradict one another.
+    /// How far the redundant rows contradict one another: ‖Nᵀ b‖, with an orthonormal basis N of null(A).
     pub inconsistency: Option<f64>,
-    /// Rank of A by the solver's rank cut.
+    /// Rank of A, by the solver's rank cut.
     pub rank: Option<usize>,
-    /// ‖A N‖ / ‖A‖ of the null-space basis that the solver used.
+    /// Error of the null-space basis N that the solver used, ‖A N‖ / ‖A‖.
     pub null_residual: Option<f64>,
     /// Whether the carried pseudo-inverse was recomputed from scratch in this solve.
     pub refreshed: bool,
-    /// Updates that were skipped or replaced by a safer one.
+    /// Number of updates that were skipped or replaced by a safer one.
     pub fallbacks: usize,
-    /// Rows that folding took out before the solver saw the system: zero rows and all but one of proportional ones.
+    /// Number of rows that folding removed before the solver saw the system: zero rows, and all but one of proportional rows.
     pub folded: usize,
-    /// Whether the fold of earlier steps did not hold any more and was found anew.
+    /// Whether the fold of earlier steps no longer held and was found anew.
     pub refolded: bool,
 }
 
 impl Info {
-    /// The figures of a system whose rows are all zero, with ‖b‖: x = 0, and all of b is inconsistent.
+    /// Returns the figures of a system whose rows are all zero: x = 0, and all of b is inconsistent. `norm` is ‖b‖.
     #[must_use]
     pub const fn trivial(norm: f64) -> Self {
         Self {

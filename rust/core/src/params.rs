@@ -1,4 +1,4 @@
-//! Options by name, for solvers made from a string (`sr1:eps_abs=1e-7`).
+//! Options by name, for solvers that are made from a string such as `sr1:eps_abs=1e-7`.
 
 pub(crate) mod value;
 
@@ -8,18 +8,18 @@ pub use value::Value;
 
 use crate::error::Error;
 
-/// Values by name. Every solver reads its own through a [`Reader`], which refuses the names left over.
+/// Options of a solver: values by name. A solver reads its own through a [`Reader`], which refuses unknown names.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Options(BTreeMap<String, Value>);
 
 impl Options {
-    /// No options: every solver's defaults.
+    /// Returns no options, which stand for the defaults of any solver.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// With one more option; a name given twice keeps the last value.
+    /// Adds an option; a name that is given twice keeps the last value.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Into<Value>) -> Self {
         self.0.insert(name.to_owned(), value.into());
@@ -32,7 +32,7 @@ impl Options {
     }
 }
 
-/// Reads the options of one solver and remembers which names it knows.
+/// Reads the options of one solver and remembers the names that it knows.
 #[derive(Debug)]
 pub struct Reader<'a> {
     solver: &'static str,
@@ -63,7 +63,7 @@ impl Reader<'_> {
         self.given.get(option).copied().unwrap_or(default)
     }
 
-    /// A number in (0, ∞).
+    /// Reads a number in (0, ∞).
     ///
     /// # Errors
     /// [`Error::OptionValue`] outside that range.
@@ -71,7 +71,7 @@ impl Reader<'_> {
         self.read(option, default, "a finite number > 0", |v| v.is_finite() && v > 0.0)
     }
 
-    /// A number in [0, ∞).
+    /// Reads a number in [0, ∞).
     ///
     /// # Errors
     /// [`Error::OptionValue`] outside that range.
@@ -79,7 +79,7 @@ impl Reader<'_> {
         self.read(option, default, "a finite number ≥ 0", |v| v.is_finite() && v >= 0.0)
     }
 
-    /// A number in [0, 1).
+    /// Reads a number in [0, 1).
     ///
     /// # Errors
     /// [`Error::OptionValue`] outside that range.
@@ -87,7 +87,7 @@ impl Reader<'_> {
         self.read(option, default, "a number in [0, 1)", |v| (0.0..1.0).contains(&v))
     }
 
-    /// A whole number from 1 to 10⁶.
+    /// Reads a whole number from 1 to 10⁶.
     ///
     /// # Errors
     /// [`Error::OptionValue`] outside that range or with a fraction.
@@ -98,7 +98,7 @@ impl Reader<'_> {
         Ok(value as usize)
     }
 
-    /// A whole number from 0 to `most`.
+    /// Reads a whole number from 0 to `most`.
     ///
     /// # Errors
     /// [`Error::OptionValue`] outside that range or with a fraction.
@@ -109,7 +109,7 @@ impl Reader<'_> {
         Ok(value as usize)
     }
 
-    /// Off (false, or 0) or on (true, or 1).
+    /// Reads a switch: off (false or 0) or on (true or 1).
     ///
     /// # Errors
     /// [`Error::OptionValue`] for anything else.
@@ -140,7 +140,7 @@ impl Reader<'_> {
 
 /// The parameters of one solver.
 pub trait Params: Sized {
-    /// Name of the solver they belong to.
+    /// Name of the solver that they belong to.
     const SOLVER: &'static str;
 
     /// Reads every option of the solver, with its default.
@@ -160,7 +160,7 @@ pub trait Params: Sized {
         Ok(params)
     }
 
-    /// Names and defaults of the options.
+    /// Returns the names and defaults of the options.
     fn defaults() -> Vec<(&'static str, Value)> {
         let options = Options::new();
         let mut reader = options.reader(Self::SOLVER);

@@ -1,4 +1,4 @@
-//! What a solver sees of one step: A as an operator, b, and A itself where it asks for it.
+//! The problem of one step as a solver sees it: A as an operator, b, and A itself if the solver asks for it.
 
 pub(crate) mod fold;
 pub(crate) mod step;
@@ -10,12 +10,12 @@ use crate::linalg::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr, gemv, gram};
 use crate::linalg::skyline;
 use crate::linalg::spans::Spans;
 
-/// What a solver works with. A hint: whatever it asks of a [`Problem`], it gets.
+/// What a solver works with. This is a hint: a [`Problem`] provides whatever the solver asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Needs {
-    /// Products A x only; A is formed only if the solver calls [`Problem::matrix`].
+    /// Products A x. A is formed only if the solver calls [`Problem::matrix`].
     Operator,
-    /// A itself.
+    /// The matrix A.
     Dense,
 }
 
@@ -32,7 +32,7 @@ pub enum Wanted {
 /// A x = b of one step after folding: A = Wᵀ W + diag(R) with W = L⁻¹ Jrᵀ (nv×n), or A dense as it was given.
 #[derive(Debug)]
 pub struct Problem<'a> {
-    /// What is wanted.
+    /// What is wanted of the solver.
     pub wanted: Wanted,
     pub(crate) whitened: &'a [f64],
     /// Of the columns of W.
@@ -47,25 +47,25 @@ pub struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// Number of rows n.
+    /// Returns the number of rows n.
     #[must_use]
     pub fn len(&self) -> usize {
         self.rhs.len()
     }
 
-    /// Whether there are no rows.
+    /// Tells whether there are no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rhs.is_empty()
     }
 
-    /// b, `n`.
+    /// Returns b (`n`).
     #[must_use]
     pub fn rhs(&self) -> &[f64] {
         self.rhs
     }
 
-    /// y = A x. Uses A itself if it has been formed.
+    /// Computes y = A x (`n`), with A itself if it has been formed.
     pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         if *self.formed {
             match self.envelope {
@@ -90,7 +90,7 @@ impl Problem<'_> {
         }
     }
 
-    /// Y = A X for a few columns at once, `n×d` each; `scratch` is workspace that grows to what is needed.
+    /// Computes Y = A X for a few columns at once (`n×d` each). `scratch` is workspace that grows as needed.
     pub fn apply_columns(&mut self, x: &[f64], y: &mut [f64], scratch: &mut Vec<f64>) {
         let (n, nv) = (self.len(), self.work.len());
         let columns = x.len() / n;
@@ -116,7 +116,7 @@ impl Problem<'_> {
         }
     }
 
-    /// A, `n×n`, symmetric: column-major as well as row-major; formed at the first call of a step.
+    /// Returns A (`n×n`, symmetric, so both column-major and row-major), which is formed at the first call of a step.
     pub fn matrix(&mut self) -> &[f64] {
         if !*self.formed {
             match self.envelope {
@@ -151,7 +151,7 @@ impl Problem<'_> {
         }
     }
 
-    /// trace(A): a bound of ‖A‖ from above, and n times it from below.
+    /// Returns trace(A), which is at least ‖A‖ and at most n ‖A‖.
     #[must_use]
     pub fn trace(&self) -> f64 {
         if *self.formed {

@@ -17,13 +17,13 @@ use crate::solvers::tracked::Tracked;
 
 /// An entry of the registry.
 pub struct SolverKind {
-    /// Name, as in `--solver NAME`.
+    /// Name of the solver, as in `--solver NAME`.
     pub name: &'static str,
-    /// One line on what it is.
+    /// What the solver is, in one line.
     pub summary: &'static str,
-    /// Builds it from options.
+    /// Makes the solver from options.
     pub build: fn(&Options) -> Result<Box<dyn MultiplierSolver>, Error>,
-    /// Names and defaults of its options.
+    /// Returns the names and defaults of its options.
     pub options: fn() -> Vec<(&'static str, Value)>,
 }
 
@@ -38,7 +38,7 @@ impl SolverKind {
     }
 }
 
-/// Every solver. A new one is one file and one line here.
+/// All solvers. A new one is one file and one line here.
 pub static SOLVERS: &[SolverKind] = &[
     SolverKind::of::<Auto>(),
     SolverKind::of::<Sr1>(),
@@ -57,7 +57,7 @@ pub static SOLVERS: &[SolverKind] = &[
 /// Looks a solver up by its name.
 ///
 /// # Errors
-/// [`Error::UnknownSolver`] with the names there are.
+/// [`Error::UnknownSolver`], which lists the names that exist.
 pub fn find_solver(name: &str) -> Result<&'static SolverKind, Error> {
     SOLVERS.iter().find(|kind| kind.name == name).ok_or_else(|| Error::UnknownSolver {
         name: name.to_owned(),

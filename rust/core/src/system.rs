@@ -1,4 +1,4 @@
-//! A λ = b of one step: from a [`StepView`] to what a solver sees, and from its multipliers back to accelerations.
+//! The system A λ = b of one step: from a [`StepView`] to what a solver sees, and from multipliers back to accelerations.
 
 mod given;
 
@@ -15,12 +15,12 @@ use crate::problem::step::{FactoredStep, StepView, Whiten};
 use crate::problem::{Needs, Problem, Wanted};
 use crate::solvers::solver::MultiplierSolver;
 
-/// Symmetry asked of a dense A that a caller hands over, relative to its largest entry. `A = J M⁻¹ Jᵀ` formed in
-/// floating point by any sensible route is symmetric to a few rounding errors; 1e-10 leaves room for large sums and
-/// still catches a wrong matrix.
+/// Largest asymmetry of a dense A that a caller hands over, relative to its largest entry. `A = J M⁻¹ Jᵀ` computed in any
+/// sensible way is symmetric to a few rounding errors; 1e-10 leaves room for large sums and still catches a wrong matrix.
 pub const SYMMETRY_TOLERANCE: f64 = 1e-10;
 
-/// The linear system of one step. Made once, filled anew every step; allocates only when the shape or the fold changes.
+/// The linear system of one step. It is made once and filled anew every step, and allocates only when the shape or the fold
+/// changes.
 ///
 /// With `M = L Lᵀ`, the fold `J = T Jr` and `W = L⁻¹ Jrᵀ` (nv×nr), a solver sees `A = Wᵀ W (+ R)`, and
 /// `a = a₀ + M⁻¹ Jᵀ λ`, where `a₀ = M⁻¹ f` is the acceleration without constraints. Soft rows (R given) are not folded:
@@ -61,56 +61,56 @@ pub struct ConstrainedSystem {
 }
 
 impl ConstrainedSystem {
-    /// An empty system; [`assemble`](Self::assemble) or [`set_dense`](Self::set_dense) fills it.
+    /// Returns an empty system, which [`assemble`](Self::assemble) or [`set_dense`](Self::set_dense) fills.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Number of rows n.
+    /// Returns the number of rows n.
     #[must_use]
     pub fn len(&self) -> usize {
         self.rhs.len()
     }
 
-    /// Whether nothing has been assembled yet.
+    /// Tells whether nothing has been assembled yet.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.rhs.is_empty()
     }
 
-    /// Number of velocities nv; 0 for a system given as dense (A, b).
+    /// Returns the number of velocities nv; 0 for a system that was given as dense (A, b).
     #[must_use]
     pub fn nv(&self) -> usize {
         self.unconstrained.len()
     }
 
-    /// b, `n`, before folding.
+    /// Returns b (`n`) before folding.
     #[must_use]
     pub fn rhs(&self) -> &[f64] {
         self.rhs.as_slice()
     }
 
-    /// a₀ = M⁻¹ f, `nv`.
+    /// Returns a₀ = M⁻¹ f (`nv`), the acceleration without constraints.
     #[must_use]
     pub fn unconstrained(&self) -> &[f64] {
         self.unconstrained.as_slice()
     }
 
-    /// How the rows were folded.
+    /// Returns the fold of the rows.
     #[must_use]
     pub const fn fold(&self) -> &Fold {
         &self.fold
     }
 
-    /// Times that the classes of a fold did not hold any more and were found anew.
+    /// Returns how often the classes of the fold no longer held and were found anew.
     #[must_use]
     pub const fn refolds(&self) -> usize {
         self.refolds
     }
 
-    /// A, `n×n`, before folding; symmetric, so that it is row-major as well as column-major. Computed for the occasion: for
-    /// inspection, not for a step loop.
+    /// Computes A (`n×n`, symmetric, so both row-major and column-major) before folding. This is for inspection, not for a step
+    /// loop.
     #[must_use]
     pub fn full_matrix(&self) -> Vec<f64> {
         let matrix = match self.nv() {
@@ -147,13 +147,13 @@ impl ConstrainedSystem {
         matrix
     }
 
-    /// Makes a solver that needs A itself form it once more, as on a fresh step: for timing.
+    /// Makes a solver that needs A form it once more, as on a new step. This is for timing.
     #[cfg(feature = "bench")]
     pub(crate) fn forget_matrix(&mut self) {
         self.formed = self.nv() == 0;
     }
 
-    /// Forms A now, and not in the solve: for timing.
+    /// Forms A now instead of in the solve. This is for timing.
     pub fn form_matrix(&mut self) {
         if !self.reduced_rhs.is_empty() {
             self.problem(Wanted::Multipliers).matrix();
@@ -225,7 +225,7 @@ impl ConstrainedSystem {
         self.formed = false;
     }
 
-    /// Takes over one step.
+    /// Assembles the system of one step.
     ///
     /// # Errors
     /// Those of [`StepView::check`], which leave the last step in place; [`Error::MassNotPositiveDefinite`], and
@@ -273,8 +273,8 @@ impl ConstrainedSystem {
         self.check_overflow()
     }
 
-    /// Takes over one step whose inertia is factored, with what H makes of rows of J. The way back from multipliers ends at
-    /// [`force`](Self::force): M⁻¹ is the caller's.
+    /// Assembles the system of a step whose inertia the caller has factored; `whiten` multiplies rows of J by the factor H. The
+    /// way back from multipliers then ends at [`force`](Self::force), because M⁻¹ stays with the caller.
     ///
     /// # Errors
     /// Those of [`FactoredStep::check`], which leave the last step in place; [`Error::NonFinite`] or [`Error::TooLarge`] if A
@@ -370,10 +370,10 @@ impl ConstrainedSystem {
         checked.inspect_err(|_| *self = Self::default())
     }
 
-    /// Solves A λ = b with `solver`, into `multipliers` (`n`).
+    /// Solves A λ = b with `solver` and writes λ to `multipliers` (`n`).
     ///
-    /// Quotients can overflow even so: that is refused, and the solver starts anew, as after
-    /// [`reset`](MultiplierSolver::reset). Products A b below 1e-150 may underflow, and count as zero.
+    /// If λ or its residual overflows, that is an error, and the solver starts anew, as after
+    /// [`reset`](MultiplierSolver::reset). Products A b below 1e-150 may underflow and count as zero.
     ///
     /// # Errors
     /// Those of the solver, [`Error::Shape`], and [`Error::NonFinite`] where λ or its residual overflow.
@@ -415,7 +415,7 @@ impl ConstrainedSystem {
         Ok(info)
     }
 
-    /// `qfrc = Jᵀ λ` and `qacc = a₀ + M⁻¹ Jᵀ λ`, both `nv`.
+    /// Computes `qfrc = Jᵀ λ` and `qacc = a₀ + M⁻¹ Jᵀ λ` (both `nv`).
     ///
     /// # Errors
     /// [`Error::Shape`], also for a system given as dense (A, b), which has no accelerations; [`Error::Factored`];
@@ -440,7 +440,7 @@ impl ConstrainedSystem {
         check_finite("qacc", qacc)
     }
 
-    /// `qfrc = Jᵀ λ`, `nv`.
+    /// Computes `qfrc = Jᵀ λ` (`nv`).
     ///
     /// # Errors
     /// [`Error::Shape`], [`Error::NonFinite`] if it overflows.

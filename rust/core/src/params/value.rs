@@ -4,8 +4,8 @@ use std::fmt;
 
 /// The value of an option.
 ///
-/// An integer serves where a number is asked for, and a float where an integer or a switch is, if it is a whole one: a string
-/// does not say which is meant. A switch serves as nothing else.
+/// An integer may stand for a number, and a whole float for an integer or a switch, because a string does not say which is
+/// meant. A switch stands for nothing else.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Value {
     /// A number.

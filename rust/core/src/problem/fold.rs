@@ -14,9 +14,9 @@
 
 use crate::linalg::kernels::{axpy, dot, largest, norm};
 
-/// A row counts as proportional to another when it differs from its multiple by no more than this part of its length,
-/// and as zero when none of its entries exceeds this part of the largest one. Rows that are the same in exact arithmetic differ
-/// by a few rounding errors of the anchors' coordinates; 1e-12 leaves room for long kinematic chains.
+/// Relative tolerance of folding. A row counts as proportional to another if it differs from its multiple by at most this
+/// part of its length, and as zero if none of its entries exceeds this part of the largest one. Rows that are the same in exact
+/// arithmetic differ by a few rounding errors of the anchors' coordinates; 1e-12 leaves room for long kinematic chains.
 pub const FOLD_TOLERANCE: f64 = 1e-12;
 
 /// Which class a row belongs to, and its share there.
@@ -45,7 +45,7 @@ pub struct Fold {
 }
 
 impl Fold {
-    /// A fold of `n` rows that leaves every row alone.
+    /// Returns a fold that leaves each of `n` rows alone.
     #[must_use]
     pub fn identity(n: usize) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl Fold {
         }
     }
 
-    /// Finds the classes. `rows` holds n rows of `width` entries, one after another.
+    /// Finds the classes of n rows of `width` entries, which `rows` holds one after another.
     #[must_use]
     pub fn find(rows: &[f64], width: usize) -> Self {
         let mut fold = Self::default();
@@ -77,7 +77,7 @@ impl Fold {
         fold
     }
 
-    /// Fits the factors to the rows of another step; whether the classes still hold.
+    /// Fits the factors to the rows of another step; returns whether the classes still hold.
     pub fn refit(&mut self, rows: &[f64], width: usize) -> bool {
         self.refit_within(rows, width, |_| (0, width))
     }
@@ -125,7 +125,7 @@ impl Fold {
         true
     }
 
-    /// A row of each class.
+    /// Returns one row of each class.
     #[must_use]
     pub fn representatives(&self) -> &[usize] {
         &self.representatives
@@ -143,25 +143,25 @@ impl Fold {
         }
     }
 
-    /// Number of rows n.
+    /// Returns the number of rows n.
     #[must_use]
     pub fn rows(&self) -> usize {
         self.members.len()
     }
 
-    /// Number of rows nr that are left.
+    /// Returns the number of rows nr that are left.
     #[must_use]
     pub fn reduced(&self) -> usize {
         self.representatives.len()
     }
 
-    /// Whether no row is dropped.
+    /// Tells whether every row is left alone.
     #[must_use]
     pub fn is_identity(&self) -> bool {
         self.rows() == self.reduced()
     }
 
-    /// Representative row and scale of every class.
+    /// Returns the representative row and the scale of every class.
     pub fn classes(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.representatives.iter().copied().zip(self.scales.iter().copied())
     }
@@ -171,7 +171,7 @@ impl Fold {
         self.members.iter().map(|member| member.map(|m| (m.class, m.share)))
     }
 
-    /// `reduced` = Tᵀ `full`; gives ‖full − T Tᵀ full‖, the part outside range(T).
+    /// Computes `reduced` = Tᵀ `full`; returns ‖full − T Tᵀ full‖, the part outside range(T).
     pub fn reduce(&self, full: &[f64], reduced: &mut [f64]) -> f64 {
         reduced.fill(0.0);
         for (member, &value) in self.members.iter().zip(full) {
@@ -190,7 +190,7 @@ impl Fold {
         self.members.iter().zip(full).map(outside).sum::<f64>().sqrt()
     }
 
-    /// `full` = T `reduced`.
+    /// Computes `full` = T `reduced`.
     pub fn expand(&self, reduced: &[f64], full: &mut [f64]) {
         for (member, value) in self.members.iter().zip(full) {
             *value = member.map_or(0.0, |m| m.share * reduced[m.class]);

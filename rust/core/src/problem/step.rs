@@ -1,36 +1,36 @@
-//! What one time step hands to the solvers.
+//! The data that one time step hands to the solvers.
 
 use crate::error::{Error, check_finite, check_len};
 
-/// A borrowed view of one step whose inertia somebody else has factored, M⁻¹ = Hᵀ H. Matrices are dense and row-major.
+/// A borrowed view of one step whose inertia the caller has factored, M⁻¹ = Hᵀ H. Matrices are dense and row-major.
 ///
-/// What rows of J become under H comes from a [`Whiten`] beside it, so that whoever has a sparse factor keeps it.
+/// A [`Whiten`] that is passed beside it multiplies rows of J by H, so that a sparse factor stays with the caller.
 #[derive(Debug, Clone, Copy)]
 pub struct FactoredStep<'a> {
-    /// J, `n×nv`.
+    /// J (`n×nv`).
     pub jacobian: &'a [f64],
-    /// a₀ = M⁻¹ f, `nv`: the acceleration without constraints.
+    /// a₀ = M⁻¹ f (`nv`): the acceleration without constraints.
     pub unconstrained: &'a [f64],
-    /// `n`: the acceleration that the rows ask for.
+    /// aref (`n`): the acceleration that the rows ask for.
     pub aref: &'a [f64],
-    /// R, `n`, ≥ 0, as in [`StepView`].
+    /// R (`n`, ≥ 0): softness, as in [`StepView`].
     pub regularisation: Option<&'a [f64]>,
 }
 
-/// Gives H Jᵀ of some rows of J, one after another (`nv` each); the rows are given as numbers and as what J has there.
+/// Computes H Jᵀ of some rows of J, one after another (`nv` each), from the indices and the entries of the rows.
 pub type Whiten<'a> = dyn FnMut(&[usize], &[f64], &mut [f64]) + 'a;
 
 impl FactoredStep<'_> {
-    /// Number of constraint rows n and of velocities nv.
+    /// Returns the numbers of constraint rows n and of velocities nv.
     #[must_use]
     pub const fn shape(&self) -> (usize, usize) {
         (self.aref.len(), self.unconstrained.len())
     }
 
-    /// Checks shapes and that every number is finite.
+    /// Checks that the shapes fit and that every number is finite.
     ///
     /// # Errors
-    /// As [`StepView::check`].
+    /// Those of [`StepView::check`].
     pub fn check(&self) -> Result<(), Error> {
         self.check_beside(false)
     }
@@ -47,26 +47,26 @@ impl FactoredStep<'_> {
 /// A borrowed view of one step. Matrices are dense and row-major, as NumPy keeps them.
 #[derive(Debug, Clone, Copy)]
 pub struct StepView<'a> {
-    /// M, `nv×nv`, symmetric positive definite; of the two triangles the upper is read.
+    /// M (`nv×nv`), symmetric positive definite; only its upper triangle is read.
     pub mass: &'a [f64],
-    /// J, `n×nv`.
+    /// J (`n×nv`).
     pub jacobian: &'a [f64],
-    /// f, `nv`: all smooth forces (passive, applied, actuator, minus bias).
+    /// f (`nv`): all smooth forces, passive + applied + actuator − bias.
     pub force: &'a [f64],
-    /// `n`: the acceleration that the rows ask for.
+    /// aref (`n`): the acceleration that the rows ask for.
     pub aref: &'a [f64],
-    /// R, `n`, ≥ 0: softness added to the diagonal of A. `None` asks for the exact (hard) constraint.
+    /// R (`n`, ≥ 0): softness that is added to the diagonal of A; `None` for exact (hard) constraints.
     pub regularisation: Option<&'a [f64]>,
 }
 
 impl StepView<'_> {
-    /// Number of constraint rows n and of velocities nv.
+    /// Returns the numbers of constraint rows n and of velocities nv.
     #[must_use]
     pub const fn shape(&self) -> (usize, usize) {
         (self.aref.len(), self.force.len())
     }
 
-    /// Checks shapes and that every number is finite.
+    /// Checks that the shapes fit and that every number is finite.
     ///
     /// # Errors
     /// [`Error::Empty`], [`Error::Shape`], [`Error::NonFinite`], [`Error::NegativeRegularisation`].

@@ -1,4 +1,4 @@
-//! The default: the fastest right solver by the table of [`bench`](crate::bench), with the reference behind it.
+//! The default: the fastest accurate solver by the table of [`bench`](crate::bench), with the reference behind it.
 //!
 //! That table says the same at every size from 6 to 192, with a third of the rows redundant: rank-revealing Cholesky. A step
 //! is solved again by [`pinv`](crate::solvers::pinv), and counted as a fallback, where the factor's own figures leave it open whether

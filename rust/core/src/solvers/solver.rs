@@ -1,4 +1,4 @@
-//! What a solver is: [`Solver`] for who writes one, [`MultiplierSolver`] for who uses one, and [`State`] for who saves one.
+//! Interfaces of a solver: [`Solver`] to write one, [`MultiplierSolver`] to use one, and [`State`] to save one.
 
 use std::collections::BTreeMap;
 use std::mem;
@@ -9,14 +9,14 @@ use crate::info::Info;
 use crate::params::Params;
 use crate::problem::{Needs, Problem};
 
-/// Solves A x = b, one step after another: what callers hold. Every [`Solver`] is one.
+/// Solves A x = b, one step after another. Callers hold this interface, and every [`Solver`] has it.
 ///
 /// Callers hand steps to [`ConstrainedSystem::solve`](crate::ConstrainedSystem::solve), which folds first.
 pub trait MultiplierSolver: Send + Sync {
-    /// Name in the registry.
+    /// Returns the name in the registry.
     fn name(&self) -> &'static str;
 
-    /// What it works with.
+    /// What the solver works with.
     fn needs(&self) -> Needs;
 
     /// Solves the problem of one step into `x` (`n`).
@@ -30,41 +30,41 @@ pub trait MultiplierSolver: Send + Sync {
     /// Forgets all earlier steps.
     fn reset(&mut self);
 
-    /// A copy with everything it carries.
+    /// Returns a copy with everything that the solver carries.
     fn clone_box(&self) -> Box<dyn MultiplierSolver>;
 
-    /// What it carries between steps; empty for a solver that carries nothing.
+    /// Returns what the solver carries between steps; empty for a solver that carries nothing.
     fn state(&self) -> State {
         State::new(self.name(), 0)
     }
 
-    /// Goes on from a saved state.
+    /// Restores a saved state.
     ///
     /// # Errors
-    /// [`Error::State`] if the state is another solver's or not whole.
+    /// [`Error::State`] if the state is another solver's or incomplete.
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         state.check(self.name(), &[])?;
         state.check_names(self.name(), &[])
     }
 }
 
-/// A solver as its author writes it. It owns its workspace and whatever it carries between steps.
+/// A solver as its author writes it. It owns its workspace and everything that it carries between steps.
 ///
 /// Its methods are those of [`MultiplierSolver`], which follows from it.
 pub trait Solver: Clone + Send + Sync + 'static {
-    /// Its parameters, which bear its name in the registry.
+    /// Parameters of the solver, which also name it in the registry.
     type Params: Params;
 
-    /// One line on what it is.
+    /// What the solver is, in one line.
     const SUMMARY: &'static str;
 
-    /// What it works with.
+    /// What the solver works with.
     const NEEDS: Needs;
 
-    /// A solver with these parameters, before its first step.
+    /// Makes a solver with these parameters, before its first step.
     fn new(params: Self::Params) -> Self;
 
-    /// As [`MultiplierSolver::solve`].
+    /// Solves the problem of one step; see [`MultiplierSolver::solve`].
     ///
     /// # Errors
     /// Those of [`MultiplierSolver::solve`].
@@ -73,15 +73,15 @@ pub trait Solver: Clone + Send + Sync + 'static {
     /// Forgets all earlier steps.
     fn reset(&mut self);
 
-    /// What it carries between steps; empty for a solver that carries nothing.
+    /// Returns what the solver carries between steps; empty for a solver that carries nothing.
     fn state(&self) -> State {
         State::new(Self::Params::SOLVER, 0)
     }
 
-    /// Goes on from a saved state.
+    /// Restores a saved state.
     ///
     /// # Errors
-    /// [`Error::State`] if the state is another solver's or not whole.
+    /// [`Error::State`] if the state is another solver's or incomplete.
     fn restore(&mut self, state: &State) -> Result<(), Error> {
         state.check(Self::Params::SOLVER, &[])?;
         state.check_names(Self::Params::SOLVER, &[])
@@ -118,33 +118,33 @@ impl<S: Solver> MultiplierSolver for S {
     }
 }
 
-/// What a solver carries between steps, for saving.
+/// Everything that a solver carries between steps, for saving.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct State {
     /// Name of the solver.
     pub solver: String,
-    /// Number of rows n that it was at; 0 before the first solve.
+    /// Number of rows n of the last step; 0 before the first solve.
     pub size: usize,
-    /// Its fields, flat.
+    /// Fields by name, as flat arrays.
     pub fields: BTreeMap<String, Vec<f64>>,
 }
 
 impl State {
-    /// A state without fields.
+    /// Returns a state without fields.
     #[must_use]
     pub fn new(solver: &str, size: usize) -> Self {
         Self { solver: solver.to_owned(), size, fields: BTreeMap::new() }
     }
 
-    /// With one more field.
+    /// Adds a field.
     #[must_use]
     pub fn with(mut self, name: &str, values: &[f64]) -> Self {
         self.fields.insert(name.to_owned(), values.to_vec());
         self
     }
 
-    /// A field; empty if it is missing.
+    /// Returns a field; empty if it is missing.
     #[must_use]
     pub fn field(&self, name: &str) -> &[f64] {
         self.fields.get(name).map_or(&[], Vec::as_slice)
@@ -153,7 +153,7 @@ impl State {
     /// The x of the last solve, if it was saved, of a state that holds nothing else.
     ///
     /// # Errors
-    /// [`Error::State`] if it is another solver's or not whole.
+    /// [`Error::State`] if it is another solver's or incomplete.
     pub(crate) fn last_x(&self, solver: &'static str) -> Result<Option<&[f64]>, Error> {
         let kept = self.fields.contains_key("x");
         self.check(solver, &[("x", if kept { self.size } else { 0 })])?;
@@ -161,7 +161,7 @@ impl State {
         Ok(kept.then(|| self.field("x")))
     }
 
-    /// A whole number in `range` that was saved as a float.
+    /// Returns a whole number in `range` that was saved as a float.
     ///
     /// # Errors
     /// [`Error::State`].
@@ -175,7 +175,7 @@ impl State {
         Err(Error::State { solver, reason })
     }
 
-    /// A field that holds every row once, in some order.
+    /// Returns a field that holds every row once, in some order.
     ///
     /// # Errors
     /// [`Error::State`].
@@ -192,7 +192,7 @@ impl State {
         self.field(name).iter().map(&mut take).collect()
     }
 
-    /// Checks that it is this solver's and that its fields have these lengths and are finite.
+    /// Checks that the state is this solver's and that its fields have these lengths and are finite.
     ///
     /// # Errors
     /// [`Error::State`].
@@ -213,7 +213,7 @@ impl State {
         Ok(())
     }
 
-    /// Checks that it has no fields but these: one that the solver does not know means another version.
+    /// Checks that the state has no fields but these. A field that the solver does not know comes from another version.
     ///
     /// # Errors
     /// [`Error::State`].

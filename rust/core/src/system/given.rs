@@ -1,4 +1,4 @@
-//! A system given as dense A and b.
+//! Systems that are given as dense A and b.
 
 use std::mem;
 
@@ -9,7 +9,7 @@ use crate::error::{Error, check_len, check_size};
 use crate::solvers::eigen::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
 
 impl ConstrainedSystem {
-    /// Takes A (`n×n`, row-major, symmetric) and b (`n`) as they are; there is no way back to accelerations then.
+    /// Sets A (`n×n`, row-major, symmetric) and b (`n`). Such a system has no accelerations.
     ///
     /// # Errors
     /// [`Error::Empty`], [`Error::Shape`], [`Error::NonFinite`], [`Error::TooLarge`], [`Error::NotSymmetric`],
