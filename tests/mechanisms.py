@@ -11,7 +11,7 @@ import numpy as np
 from oarlock.cases.case import MODELS, Case, load_case
 from oarlock.cases.case_file import CaseFile
 from oarlock.experiments.laboratory import Laboratory
-from oarlock.stepping.setup import Setup
+from oarlock.stepping.prepared import PreparedCase
 
 INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
 
@@ -141,7 +141,9 @@ def boat_with(**changes: Any) -> Case:
     return Case("boat", case.model_path, CaseFile.model_validate({**case.file.model_dump(), **changes}))
 
 
-def setup_of(case: Case, integrator: Any = "rk4", timestep_s: float | None = None, duration_s: float = 0.2) -> Setup:
+def setup_of(
+    case: Case, integrator: Any = "rk4", timestep_s: float | None = None, duration_s: float = 0.2
+) -> PreparedCase:
     """A case prepared for a run."""
     return Laboratory(case, timestep_s, duration_s, lambda steps: None).setup(integrator)
 

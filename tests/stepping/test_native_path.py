@@ -8,7 +8,7 @@ import warnings
 import mujoco
 import numpy as np
 import oarlock._core as _core
-import oarlock.stepping.setup
+import oarlock.stepping.prepared
 import polars as pl
 import pytest
 from mechanisms import TANGLE, case_of, four_bar, write_model
@@ -92,7 +92,7 @@ def test_every_equality_at_once(tmp_path, monkeypatch, task):
         qvel = np.random.default_rng(1).normal(size=model.nv)
         return ConsistentStart(model.qpos0.copy(), qvel, rows=0, rank=0, dof=0, moved=0.0, unique={})
 
-    monkeypatch.setattr(oarlock.stepping.setup, "consistent_start", as_it_stands)
+    monkeypatch.setattr(oarlock.stepping.prepared, "consistent_start", as_it_stands)
     tables = require_equal(case, task, 30)
     assert all(len(steps) > 5 for _, _, steps in tables)
     if task.mode != "calibration":

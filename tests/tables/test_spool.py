@@ -249,7 +249,7 @@ def test_a_trace_is_spread_over_the_run():
 
 def test_the_table_of_the_truth_is_thinned_out(monkeypatch):
     whole = setup_of(load_case("boat"), duration_s=0.5)
-    monkeypatch.setattr("oarlock.stepping.setup.TRUTH_ROWS", 40)
+    monkeypatch.setattr("oarlock.stepping.prepared.TRUTH_ROWS", 40)
     thin = setup_of(load_case("boat"), duration_s=0.5)
     assert whole.truth is not None
     assert thin.truth is not None

@@ -23,7 +23,7 @@ from oarlock.experiments.outcome import describe
 from oarlock.experiments.plan import Request, plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task, run_key
-from oarlock.stepping.setup import Setup
+from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.aggregate import summarise
 from oarlock.tables.ledger import Failure, Outcome
@@ -211,7 +211,7 @@ def _laboratory(case: Case, point: Point) -> Laboratory:
     )
 
 
-def _size(setup: Setup) -> dict[str, Any]:
+def _size(setup: PreparedCase) -> dict[str, Any]:
     """What a point makes of the model and of its start."""
     start = setup.start
     size = {"nv": int(setup.model.nv), "rows": start.rows, "rank": start.rank, "dof": start.dof}

@@ -18,8 +18,8 @@ from oarlock.cases.case import load_case
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
+from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.python_path import PythonPath
-from oarlock.stepping.setup import Setup
 from oarlock.stepping.solvers import MUJOCO, RUN_REFERENCE, SolverSpec
 from oarlock.tables.schema import SCHEMA
 from oarlock.tables.spool import spools
@@ -93,14 +93,14 @@ class Track:
             **self._many(f"{RUNS} runs of {BARE}", self._bare()),
         }
 
-    def _setup(self, jacobian: mujoco.mjtJacobian = _JACOBIANS["dense"], islands: bool = True) -> Setup:
+    def _setup(self, jacobian: mujoco.mjtJacobian = _JACOBIANS["dense"], islands: bool = True) -> PreparedCase:
         setup = self._laboratory.setup("euler")
         setup.model.opt.jacobian = jacobian
         if not islands:
             setup.model.opt.disableflags |= _ISLANDS_OFF
         return setup
 
-    def _path(self, setup: Setup) -> NativePath:
+    def _path(self, setup: PreparedCase) -> NativePath:
         return NativePath(setup, self._terms, self._make, _no_tick, _SPOOLS)
 
     def _make(self, spec: SolverSpec) -> core.MultiplierSolver:

@@ -21,10 +21,11 @@ from oarlock.cases.truth import load_truth
 from oarlock.experiments.task import Task, run_key
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
-from oarlock.stepping.path import Spools, Tick
+from oarlock.stepping.path import Path as SteppingPath
+from oarlock.stepping.path import Spools, Tables, Tick
+from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.python_path import PythonPath
-from oarlock.stepping.setup import Setup
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.schema import SCHEMA, RunResult
 from oarlock.tables.spool import Spool, spools
@@ -45,7 +46,7 @@ class _StoppedError(Exception):
 
 
 class Laboratory:
-    """Runs the tasks of one case; with a time constant or a disturbed start of ``Setup`` where they are given.
+    """Runs the tasks of one case; with a time constant or a disturbed start of ``PreparedCase`` where they are given.
 
     What is too long for the memory is kept for the time being in ``folder``, or where the system keeps such.
     """
@@ -73,11 +74,11 @@ class Laboratory:
         self._spools: Spools = partial(spools, schema=SCHEMA, folder=folder)
         self._truth = load_truth(case) if seed is None else None  # it knows the case's own start only
         self._stepping: Stepping = stepping
-        self._setups: dict[tuple[Integrator, str], Setup] = {}
+        self._setups: dict[tuple[Integrator, str], PreparedCase] = {}
 
-    def setup(self, integrator: Integrator, settings: str = "default") -> Setup:
+    def setup(self, integrator: Integrator, settings: str = "default") -> PreparedCase:
         """The case, prepared."""
-        return Setup(
+        return PreparedCase(
             self.case,
             self._truth,
             integrator,
@@ -128,8 +129,9 @@ class Laboratory:
         setup = self._shared(task.integrator, task.settings)
         path = self._path(task, setup)
 
-        def walk(names: list[tuple[str, Form | None]], go: Callable[[], tuple[list[Spool], str]]) -> list[RunResult]:
-            tables, message = go()
+        def walk(names: list[tuple[str, Form | None]], go: Callable[[], Tables]) -> list[RunResult]:
+            tables, ending = go()
+            message = ending.message() if ending else ""
             return [
                 self._result(task, setup, path.name, solver, form, steps, message)
                 for (solver, form), steps in zip(names, tables, strict=True)
@@ -150,7 +152,7 @@ class Laboratory:
                         walk, [(str(spec), form)], partial(path.free, spec, form, self._projector(task, form))
                     )
 
-    def _shared(self, integrator: Integrator, settings: str) -> Setup:
+    def _shared(self, integrator: Integrator, settings: str) -> PreparedCase:
         """A setup for all walks that ask for the same: they leave it as it is."""
         if (integrator, settings) not in self._setups:
             self._setups[integrator, settings] = self.setup(integrator, settings)
@@ -167,7 +169,7 @@ class Laboratory:
             warnings.warn(f"stepping in Python, which is slower: {refusal}", stacklevel=2)
         return bool(refusal)
 
-    def _path(self, task: Task, setup: Setup) -> NativePath | PythonPath:
+    def _path(self, task: Task, setup: PreparedCase) -> SteppingPath:
         terms = Baumgarte() if task.stabilisation == "projection" else self.case.file.baumgarte
         kind = PythonPath if self._on_python() else NativePath
         return kind(setup, terms, self._make, self._tick, self._spools)
@@ -180,7 +182,7 @@ class Laboratory:
         return TRACKED.with_defaults(rank_cut=self.case.file.rank_cut) if projects else None
 
     def _result(
-        self, task: Task, setup: Setup, path: str, solver: str, form: Form | None, steps: Spool, message: str
+        self, task: Task, setup: PreparedCase, path: str, solver: str, form: Form | None, steps: Spool, message: str
     ) -> RunResult:
         key = run_key(self.case.name, task, solver, form, setup.timestep_s, setup.steps, path)
         ends = steps.collect(pl.col("unconverged").sum(), (pl.col("projection") != "landed").sum())

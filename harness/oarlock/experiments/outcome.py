@@ -9,7 +9,7 @@ from oarlock.cases.case import Case
 from oarlock.cases.case_file import Gate
 from oarlock.mechanics.names import coordinates, equalities
 from oarlock.mechanics.reactions import verdict
-from oarlock.stepping.setup import Setup
+from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables.aggregate import Verdict
 
 
@@ -70,7 +70,7 @@ class Results:
         }
 
 
-def describe(setup: Setup) -> dict[str, Any]:
+def describe(setup: PreparedCase) -> dict[str, Any]:
     """What the model turns out to be at its consistent start."""
     start = setup.start
     return {

@@ -15,7 +15,7 @@ from oarlock.experiments.laboratory import STEPPINGS, Laboratory
 from oarlock.experiments.outcome import Results, case_document, describe, expectations
 from oarlock.experiments.plan import Request, _walks, plan
 from oarlock.experiments.sketch import sketch, traced
-from oarlock.stepping.setup import Setup
+from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables.aggregate import judge, summarise
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.provenance import inputs, occasion
@@ -123,7 +123,7 @@ def run(
 class _Keeper:
     """Keeps every run as soon as it is finished: in memory, and in a folder if there is one."""
 
-    def __init__(self, results: Results, setup: Setup, model: dict[str, Any], folder: ResultFolder | None):
+    def __init__(self, results: Results, setup: PreparedCase, model: dict[str, Any], folder: ResultFolder | None):
         self._results, self._setup, self._folder = results, setup, folder
         self._sketched = False
         if folder:

@@ -18,8 +18,8 @@ from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import INTEGRATORS, prepare
+from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.question import SolvedForce
-from oarlock.stepping.setup import Setup
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 from oarlock.stepping.start import KEYFRAME, ConsistentStart, consistent_start
 from oarlock.stepping.state import State
@@ -249,7 +249,9 @@ def _exact_run(case: Case, steps: int) -> np.ndarray:
     Raises:
         RefusedError: a contact, limit or friction became active.
     """
-    setup = Setup(case, None, case.file.run.integrator, "default", None, steps * (case.file.run.timestep_s or 0.0))
+    setup = PreparedCase(
+        case, None, case.file.run.integrator, "default", None, steps * (case.file.run.timestep_s or 0.0)
+    )
     data = setup.data()
     force = SolvedForce(State(setup.model, data, case.file.baumgarte), "hard", SolverSpec(REFERENCE).make())
     walker = ForcedWalker(setup.model, data, setup.drive, force)

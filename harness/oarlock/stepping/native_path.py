@@ -1,4 +1,4 @@
-"""The native path: the experiments of ``experiments.py`` walked by the compiled core, bit for bit as the Python path.
+"""The native path: experiments walked by the compiled core, bit for bit as the Python path.
 
 The core needs MuJoCo of exactly the version that it was built against, for it reads its structs.
 """
@@ -13,17 +13,15 @@ import numpy as np
 import polars as pl
 
 from oarlock.base import core
-from oarlock.base.errors import InputError, one_line
+from oarlock.base.errors import InputError, RefusedError, one_line
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.mechanics.inequalities import refuse_inequalities
-from oarlock.stepping.path import Make, Spools, Tables, Tick
-from oarlock.stepping.setup import Setup
-from oarlock.stepping.solvers import MUJOCO, RUN_REFERENCE, SolverSpec
+from oarlock.stepping.ending import Ending
+from oarlock.stepping.path import REFERENCE_SOLVER, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
+from oarlock.stepping.prepared import Prepared
+from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.columns import steps_table
 from oarlock.tables.spool import Spool
-
-TICK_STEPS = 200
-"""Steps between two reports of progress, and between two looks at interruptions."""
 
 CHUNK_ROWS = 10_000
 """Rows, of all tables of a walk together, that the core holds at most before they are taken over."""
@@ -44,7 +42,7 @@ def refusal() -> str:
 
 
 class NativePath:
-    """The experiments of one setup on the native path.
+    """The walks of what is prepared, as ``Path``.
 
     Raises:
         InputError: the model cannot be walked natively.
@@ -52,46 +50,59 @@ class NativePath:
 
     name = "native"
 
-    def __init__(self, setup: Setup, terms: Baumgarte, make: Make, tick: Tick, spools: Spools):
-        self._setup, self._make, self._tick, self._spools = setup, make, tick, spools
+    def __init__(
+        self,
+        prepared: Prepared,
+        terms: Baumgarte,
+        make: Make = SolverSpec.make,
+        tick: Tick = silent,
+        spools: Spools = SPOOLS,
+    ):
+        self._prepared, self._make, self._tick, self._spools = prepared, make, tick, spools
         self.core = core.Setup(
-            setup.model,
-            qpos=setup.start.qpos,
-            qvel=setup.start.qvel,
-            laws=setup.drive.laws,
+            prepared.model,
+            qpos=prepared.qpos,
+            qvel=prepared.qvel,
+            laws=prepared.drive.laws,
             beta=terms.beta,
             k=terms.k,
-            observed=setup.observed.address if setup.truth is not None else None,
-            conserved=setup.conserves_energy,
-            snapshots=setup.published.steps,
+            observed=prepared.observed.address if prepared.observed else None,
+            conserved=prepared.conserves_energy,
+            snapshots=prepared.published.steps,
         )
 
     def calibration(self) -> Tables:
-        """As ``PythonPath``."""
-        return self._walk(self.core.calibration(self._setup.steps))
+        """As ``Path``."""
+        return self._walk(self.core.calibration(self._prepared.steps))
 
     def lockstep(
         self, walker: SolverSpec, projector: SolverSpec | None, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]
     ) -> Tables:
-        """As ``PythonPath``."""
+        """As ``Path``."""
         make = self._make
-        questions = [(form, make(SolverSpec(RUN_REFERENCE)), [make(spec) for spec in solvers]) for form in forms]
+        questions = [(form, make(REFERENCE_SOLVER), [make(spec) for spec in solvers]) for form in forms]
         leader = None if walker.name == MUJOCO else make(walker)
         last = make(projector) if projector else None
-        return self._walk(self.core.lockstep(self._setup.steps, questions, leader, last), len(forms) * len(solvers))
+        return self._walk(self.core.lockstep(self._prepared.steps, questions, leader, last), len(forms) * len(solvers))
 
     def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
-        """As ``PythonPath``."""
+        """As ``Path``."""
         asked = [(form, self._make(spec)) for form in forms for spec in solvers]
-        return self._walk(self.core.one_step(self._setup.steps, asked), len(asked))
+        return self._walk(self.core.one_step(self._prepared.steps, asked), len(asked))
 
-    def free(self, solver: SolverSpec, form: Form | None, projector: SolverSpec | None) -> Tables:
-        """As ``PythonPath``."""
-        steps, make = self._setup.steps, self._make
+    def free(
+        self,
+        solver: SolverSpec,
+        form: Form | None,
+        projector: SolverSpec | None,
+        reference: SolverSpec = REFERENCE_SOLVER,
+    ) -> Tables:
+        """As ``Path``."""
+        steps, make = self._prepared.steps, self._make
         if form is None:
             return self._walk(self.core.free_mujoco(steps))
         last = make(projector) if projector else None
-        return self._walk(self.core.free_solved(steps, form, make(solver), make(SolverSpec(RUN_REFERENCE)), last))
+        return self._walk(self.core.free_solved(steps, form, make(solver), make(reference), last))
 
     def _walk(self, run: core.Run, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""
@@ -103,7 +114,7 @@ class NativePath:
                 self._take_over(run, tables)
                 rows = 0
         self._take_over(run, tables)
-        return tables, self._message(run)
+        return tables, self._ending(run)
 
     def _take_over(self, run: core.Run, tables: list[Spool]) -> None:
         errors = self._published(run)
@@ -111,7 +122,7 @@ class NativePath:
             table.append(self._frame(columns, errors))
 
     def _advance(self, run: core.Run) -> Iterator[int]:
-        left = self._setup.steps
+        left = self._prepared.steps
         while left > 0:
             asked = min(TICK_STEPS, left)
             taken = run.advance(asked)
@@ -121,40 +132,40 @@ class NativePath:
             if taken < asked:
                 return
 
-    def _message(self, run: core.Run) -> str:
+    def _ending(self, run: core.Run) -> Ending | None:
         if run.end is None:
-            return ""
+            return None
         step, time, kind, message = run.end
-        where = f"step {step}, t = {time:.6g} s"
         if kind == "not-finite":
-            return f"{where}: the state is no longer finite"
-        if kind in ("inequalities", "control"):
-            self._refuse(run, time)
-        if step == 0 or kind != "refused":
-            raise InputError(message)
-        return f"{where}: {one_line(message)}"
+            return Ending(step, time)
+        refused = kind in ("inequalities", "control")
+        return Ending(step, time, self._refusal(run, time, message) if refused else InputError(message))
 
-    def _refuse(self, run: core.Run, time: float) -> None:
-        """Says what the Python path would say of the state that a run was refused at: it knows the names."""
-        setup = self._setup
-        data = setup.data()
+    def _refusal(self, run: core.Run, time: float, message: str) -> RefusedError:
+        """What the Python path would say of the state that a run was refused at: it knows the names."""
+        prepared = self._prepared
+        data = prepared.data()
         data.qpos[:], data.qvel[:], _ = run.state
         data.time = time
-        setup.drive.apply(data)
-        mujoco.mj_fwdPosition(setup.model, data)
-        mujoco.mj_fwdVelocity(setup.model, data)
-        refuse_inequalities(setup.model, data)
+        try:
+            prepared.drive.apply(data)
+            mujoco.mj_fwdPosition(prepared.model, data)
+            mujoco.mj_fwdVelocity(prepared.model, data)
+            refuse_inequalities(prepared.model, data)
+        except RefusedError as error:
+            return error
+        return RefusedError(message)
 
     def _published(self, run: core.Run) -> dict[int, dict[str, float]]:
         """Step → how far its state is from what is printed for it."""
-        setup, found = self._setup, {}
+        prepared, found = self._prepared, {}
         for step, qpos, qvel, multipliers in run.snapshots():
-            data = setup.data()
+            data = prepared.data()
             data.qpos[:], data.qvel[:] = qpos, qvel
-            mujoco.mj_fwdPosition(setup.model, data)
-            mujoco.mj_fwdVelocity(setup.model, data)
+            mujoco.mj_fwdPosition(prepared.model, data)
+            mujoco.mj_fwdVelocity(prepared.model, data)
             data.efc_force[:] = multipliers
-            found[step] = setup.published.errors(step, data)
+            found[step] = prepared.published.errors(step, data)
         return found
 
     def _frame(self, columns: dict[str, Any], errors: dict[int, dict[str, float]]) -> pl.DataFrame:
@@ -162,7 +173,7 @@ class NativePath:
         if "observed" in columns:
             observed, lengths = columns.pop("observed")
             places = observed.reshape(len(step), lengths[0])
-            columns["truth_error"] = ("nullable", self._setup.truth_errors(step, places))
+            columns["truth_error"] = ("nullable", self._prepared.truth_errors(step, places))
         for number, figures in errors.items():
             for name, value in figures.items():
                 values = columns.setdefault(name, [None] * len(step))

@@ -1,13 +1,13 @@
 """Values that others published, compared with a run at exactly the step of their time."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 
 from oarlock.base.arrays import largest
 from oarlock.base.errors import InputError, choose
-from oarlock.cases.case import Case
 from oarlock.cases.case_file import Published
 from oarlock.mechanics.names import equalities
 from oarlock.mechanics.observed import Observed
@@ -29,24 +29,25 @@ def componentwise(value: np.ndarray, published: np.ndarray) -> float:
 
 
 class PublishedValues:
-    """The published values of a case by the step of their time.
+    """The published values of a model's motion by the step of their time.
 
     Args:
-        model: the model of the case.
-        case: the case.
-        own: whether the timestep is the case's own. At any other one, values between two steps are left out.
+        model: the model.
+        values: what is published of its motion.
+        where: where they are written down, for messages.
+        own: whether the timestep is the one that the values were chosen for. At any other one, values between two
+            steps are left out.
 
     Raises:
-        InputError: a value names something that the model does not have, or lies between two of the case's own steps.
+        InputError: a value names something that the model does not have, or lies between two of their own steps.
     """
 
-    def __init__(self, model: mujoco.MjModel, case: Case, *, own: bool = True):
+    def __init__(self, model: mujoco.MjModel, values: Sequence[Published], where: str, *, own: bool = True):
         timestep = float(model.opt.timestep)
         all_of = equalities(model)
         names = [equality.name for equality in all_of]
         self._due: dict[int, list[tuple[Published, Observed | int]]] = defaultdict(list)
-        for value in case.file.published:
-            where = f"[[published]] of case '{case.name}'"
+        for value in values:
             step = round(value.time_s / timestep)
             if abs(value.time_s / timestep - step) > ON_GRID:
                 if own:

@@ -12,7 +12,7 @@ import numpy as np
 from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.vectors import times
 from oarlock.stepping.figures import solving
-from oarlock.stepping.setup import Setup
+from oarlock.stepping.prepared import Prepared
 from oarlock.tables.columns import steps_table
 from oarlock.tables.spool import Spool
 
@@ -30,7 +30,7 @@ class Row(NamedTuple):
     """The vectors of the state at the start of one step; of many steps each is an array (steps, …).
 
     Attributes:
-        place: what the outside truth speaks of, as ``Setup.place``.
+        place: what the outside truth speaks of, as ``Prepared.place``.
         jacobian: J, flat, (ne nv).
         qacc: the run's acceleration, (nv).
         multipliers: and its multipliers, (ne).
@@ -59,8 +59,8 @@ class Recorder:
     A step is noted while its vectors hold, and counts once it has come to its end.
     """
 
-    def __init__(self, setup: Setup, spool: Spool):
-        self._setup, self._spool = setup, spool
+    def __init__(self, prepared: Prepared, spool: Spool):
+        self._prepared, self._spool = prepared, spool
         self._noted: tuple[bytes, dict[str, Any]] = b"", {}
         self._vectors: list[bytes] = []
         self._figures: list[dict[str, Any]] = []
@@ -118,7 +118,7 @@ class Recorder:
             "drift_vel": largest(rows.rate),
         }
         if rows.place.size:
-            columns["truth_error"] = "nullable", self._setup.truth_errors(np.array(steps), rows.place)
+            columns["truth_error"] = "nullable", self._prepared.truth_errors(np.array(steps), rows.place)
         if rows.qacc.size:
             jacobian = rows.jacobian.reshape(*rows.residual.shape, rows.qacc.shape[1])
             columns["drift_acc"] = largest(times(jacobian, rows.qacc) + rows.curvature)

@@ -1,0 +1,39 @@
+"""How a walk came to an end before its last step."""
+
+from dataclasses import dataclass
+
+from oarlock.base.errors import InputError, RefusedError, one_line
+
+NOT_FINITE = "the state is no longer finite"
+
+
+@dataclass(frozen=True)
+class Ending:
+    """What ended a walk before its last step.
+
+    Attributes:
+        step: number of the step that it ended in; the table has the rows before it, and its own if it was taken.
+        time_s: time of the state it was left at.
+        error: why: a ``RefusedError`` if the model must not be run like this, another ``InputError`` if a question had
+            no answer; None if the state is no longer finite.
+    """
+
+    step: int
+    time_s: float
+    error: InputError | None = None
+
+    @property
+    def reason(self) -> str:
+        """Why, in one line."""
+        return NOT_FINITE if self.error is None else one_line(self.error)
+
+    def message(self) -> str:
+        """When and why, for a run that counts all the same.
+
+        Raises:
+            RefusedError: the model must not be run like this.
+            InputError: its first question had no answer already.
+        """
+        if self.error is not None and (self.step == 0 or isinstance(self.error, RefusedError)):
+            raise self.error
+        return f"step {self.step}, t = {self.time_s:.6g} s: {self.reason}"

@@ -1,0 +1,189 @@
+"""A model made ready to be walked, bare or that of a case: what every path of stepping starts from."""
+
+import mujoco
+import numpy as np
+import polars as pl
+
+from oarlock.base.arrays import largest
+from oarlock.base.errors import InputError
+from oarlock.cases.case import Case
+from oarlock.cases.case_file import Integrator
+from oarlock.cases.truth import TruthTrajectory
+from oarlock.mechanics.drive import Drive
+from oarlock.mechanics.energy import Energy
+from oarlock.mechanics.inequalities import ignore_inequalities
+from oarlock.mechanics.observed import Observed
+from oarlock.mechanics.prepare import load_mechanism
+from oarlock.stepping.published import PublishedValues
+from oarlock.stepping.start import ConsistentStart, consistent_start
+
+MAX_STEPS = 10_000_000
+"""Steps of a run at most: their rows take a gigabyte or more of disk."""
+
+TRUTH_ROWS = 50_000
+"""Rows of the table of the truth at most: it is there to be drawn, and no figure shows more points."""
+
+_NOWHERE = np.zeros(0)
+
+
+def _steps(duration_s: float, timestep_s: float) -> int:
+    if duration_s / timestep_s > MAX_STEPS:
+        raise InputError(
+            f"{duration_s:g} s at a timestep of {timestep_s:g} s are {duration_s / timestep_s:.3g} steps, "
+            f"expected at most {MAX_STEPS:,}"
+        )
+    return max(1, round(duration_s / timestep_s))
+
+
+class Prepared:
+    """A model ready to be walked: what every path of stepping starts from. Walks leave it as it is.
+
+    Attributes:
+        model: what is walked.
+        qpos: where a walk starts, (nq).
+        qvel: its velocities there, (nv).
+        drive: controls, made for this very model.
+        steps: so many a walk takes.
+        timestep_s: of the model.
+        observed: the joint or site that an outside truth speaks of; None without one.
+        published: what is printed for some of the steps.
+        conserves_energy: whether energies of a free run are worth noting.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        drive: Drive,
+        qpos: np.ndarray,
+        qvel: np.ndarray,
+        steps: int,
+        *,
+        observed: Observed | None = None,
+        trajectory: TruthTrajectory | None = None,
+        published: PublishedValues | None = None,
+    ):
+        """Takes a model as it stands.
+
+        Args:
+            model: with integrator and timestep as they are to be.
+            drive: made for this very model: for MuJoCo's hook a copy is another one.
+            qpos: where a walk starts, (nq).
+            qvel: its velocities there, (nv).
+            steps: so many a walk takes.
+            observed: the joint or site that ``trajectory`` speaks of.
+            trajectory: where an outside truth says that it is.
+            published: what is printed for some of the steps; nothing if left out.
+        """
+        self.model, self.drive = model, drive
+        self.qpos, self.qvel = qpos, qvel
+        self.steps = steps
+        self.timestep_s = float(model.opt.timestep)
+        self.observed = observed
+        self.published = published or PublishedValues(model, (), "")
+        self.conserves_energy = Energy(model).conserved
+        self._trajectory = trajectory
+
+    def data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
+        """A fresh data at the start, of the model itself or of a copy."""
+        data = mujoco.MjData(model or self.model)
+        data.qpos[:], data.qvel[:] = self.qpos, self.qvel
+        return data
+
+    def place(self, data: mujoco.MjData) -> np.ndarray:
+        """Where the joint or site is that the truth knows, (1 or 3), at a state whose position stage is done.
+
+        Empty without a truth.
+        """
+        return _NOWHERE if self.observed is None else self.observed.position(data)
+
+    def truth_errors(self, steps: np.ndarray, places: np.ndarray) -> np.ndarray:
+        """Distance of places (steps, 1 or 3) from where they should be at those steps; NaN where that is not known.
+
+        In the coordinate that is furthest off.
+        """
+        path = self._places(steps)
+        errors = np.abs(places - path).max(axis=1)
+        return np.where(np.isfinite(path).all(axis=1), errors, np.nan)
+
+    def _places(self, steps: np.ndarray) -> np.ndarray:
+        """Where the truth is at the start of steps, (n, 1 or 3); NaN where it is not known."""
+        assert self._trajectory is not None
+        return self._trajectory.position(steps * self.timestep_s)
+
+    def apart(self, qpos1: np.ndarray, qpos2: np.ndarray) -> float | None:
+        """Largest difference of two positions in any coordinate (rad or m); None if one of them is not finite."""
+        apart = np.zeros(self.model.nv)
+        mujoco.mj_differentiatePos(self.model, apart, 1.0, qpos1, qpos2)
+        difference = float(largest(apart))
+        return difference if np.isfinite(difference) else None
+
+
+class PreparedCase(Prepared):
+    """A case made ready for one integrator and one setting, at its consistent start.
+
+    Attributes:
+        start: where it starts, and what the constraints are there.
+        ignored: which contacts, limits and friction were switched off, in words; None where none were to be.
+        truth: what the outside truth says, as a table: at every step, or of a run of more than ``TRUTH_ROWS`` steps at
+            so many of them, equally spaced, first and last included. The errors of a run are taken at every step all
+            the same.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        truth: TruthTrajectory | None,
+        integrator: Integrator,
+        settings: str,
+        timestep_s: float | None,
+        duration_s: float,
+        ignoring: bool = False,
+        *,
+        solref_s: float | None = None,
+        seed: int | None = None,
+    ):
+        """Loads the model and closes its start.
+
+        Args:
+            case: the case.
+            truth: its trajectory by others, where it has one.
+            integrator: which to walk with.
+            settings: name of the case's settings.
+            timestep_s: in place of the case's own.
+            duration_s: at most ``MAX_STEPS`` steps long.
+            ignoring: without contacts, limits and friction, also if the case does not say so.
+            solref_s: as of ``load_mechanism``.
+            seed: as of ``consistent_start``.
+
+        Raises:
+            InputError: the model or the case is wrong, or the start cannot be closed.
+        """
+        model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings, solref_s=solref_s)
+        ignoring = ignoring or case.file.run.ignore_inequalities
+        self.ignored = ignore_inequalities(model) if ignoring else None
+        drive = Drive(model, case)
+        self.start: ConsistentStart = consistent_start(model, case, seed)
+        steps = _steps(duration_s, float(model.opt.timestep))
+        own = timestep_s is None
+        published = PublishedValues(model, case.file.published, f"[[published]] of case '{case.name}'", own=own)
+        if published.last_step == steps:
+            steps += 1  # states are recorded at the start of a step, and this one belongs to the end
+        known = case.file.truth if truth is not None else None
+        where = f"[truth] of case '{case.name}'"
+        observed = Observed(model, where, joint=known.joint, site=known.site) if known else None
+        super().__init__(
+            model,
+            drive,
+            self.start.qpos,
+            self.start.qvel,
+            steps,
+            observed=observed,
+            trajectory=truth if known else None,
+            published=published,
+        )
+        self.truth: pl.DataFrame | None = None
+        if known:
+            shown = np.linspace(0, self.steps - 1, min(self.steps, TRUTH_ROWS)).astype(int)
+            names = ["position"] if known.joint else ["x", "y", "z"]
+            places = dict(zip(names, self._places(shown).T, strict=True))
+            self.truth = pl.DataFrame({"time_s": shown * self.timestep_s, **places})
