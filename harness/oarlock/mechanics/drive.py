@@ -1,5 +1,6 @@
 """The drive of a model: controls as laws of time, evaluated at the time of every stage of the integrator."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -38,7 +39,7 @@ class Drive:
         time = data.time
         for index, law in self.laws:
             value = law.at(time)
-            if value - value != 0.0:  # NaN and infinities alike
+            if not math.isfinite(value):
                 raise RefusedError(f"{law!r} is {value} at t = {time:g} s, expected a finite control")
             data.ctrl[index] = value
 

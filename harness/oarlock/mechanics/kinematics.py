@@ -45,7 +45,7 @@ class Kinematics:
         self._roots = model.body_rootid.tolist()
         self._velocities: list[list[float]] = []
         self._centres: list[list[float]] = []
-        self._biases = [(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)] * model.nbody
+        self._biases = [[0.0] * 6] * model.nbody
 
     def read(self, data: mujoco.MjData) -> None:
         """Reads the motion of the bodies from a state; all other methods refer to it."""
@@ -53,39 +53,34 @@ class Kinematics:
             return
         self._velocities, self._centres = data.cvel.tolist(), data.subtree_com.tolist()
         rates = (data.cdof_dot * data.qvel[:, np.newaxis]).tolist()
-        biases = self._biases
         for body, parent, dofs in self._chain:
-            x, y, z, u, v, w = biases[parent]
+            bias = self._biases[parent]
             for dof in dofs:
-                a, b, c, d, e, f = rates[dof]
-                x, y, z, u, v, w = x + a, y + b, z + c, u + d, v + e, w + f
-            biases[body] = x, y, z, u, v, w
+                bias = [whole + part for whole, part in zip(bias, rates[dof], strict=True)]
+            self._biases[body] = bias
 
     def spin(self, body: int) -> Vector:
         """Returns the angular velocity of a body in world axes, rad/s."""
-        x, y, z, *_ = self._velocities[body]
-        return x, y, z
+        return _halves(self._velocities[body])[0]
 
     def velocity(self, body: int, place: Vector) -> Vector:
         """Computes the velocity of the body's point at a place, m/s, world axes."""
-        spin_x, spin_y, spin_z, x, y, z = self._velocities[body]
-        return plus((x, y, z), cross((spin_x, spin_y, spin_z), minus(place, self._centre(body))))
+        turning, moving = _halves(self._velocities[body])
+        return plus(moving, cross(turning, self._arm(body, place)))
 
     def bend(self, body: int, place: Vector) -> Vector:
         """Computes J̇v of the body's point at a place, m/s², world axes."""
-        # A call of every operation would double the time.
-        x, y, z = place
-        centre_x, centre_y, centre_z = self._centres[self._roots[body]]
-        x, y, z = x - centre_x, y - centre_y, z - centre_z
-        p, q, r, u, v, w = self._velocities[body]
-        u, v, w = u + (q * z - r * y), v + (r * x - p * z), w + (p * y - q * x)
-        a, b, c, d, e, f = self._biases[body]
-        return (
-            d + (b * z - c * y) + (q * w - r * v),
-            e + (c * x - a * z) + (r * u - p * w),
-            f + (a * y - b * x) + (p * v - q * u),
-        )
+        turning, moving = _halves(self._biases[body])
+        turned = plus(moving, cross(turning, self._arm(body, place)))
+        return plus(turned, cross(self.spin(body), self.velocity(body, place)))
 
-    def _centre(self, body: int) -> Vector:
+    def _arm(self, body: int, place: Vector) -> Vector:
+        """From the centre of mass of the body's tree to a place."""
         x, y, z = self._centres[self._roots[body]]
-        return x, y, z
+        return minus(place, (x, y, z))
+
+
+def _halves(spatial: list[float]) -> tuple[Vector, Vector]:
+    """The angular and the linear part of a spatial vector."""
+    a, b, c, d, e, f = spatial
+    return (a, b, c), (d, e, f)
