@@ -1,6 +1,6 @@
 """The compiled core of oarlock: systems, solvers, laws of time, step loops."""
 
-from typing import Any, final
+from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,23 @@ class ConstrainedSystem:
         Raises:
             InputError: shapes, values that are not finite, M not positive definite, R negative.
         """
+    def assemble_factored(
+        self,
+        whitened: _Matrix,
+        jacobian: _Matrix,
+        unconstrained: _Vector,
+        aref: _Vector,
+        regularisation: _Vector | None = None,
+    ) -> None:
+        """Forms A and b where M⁻¹ = Hᵀ H is factored elsewhere; the way back from multipliers ends at ``force``.
+
+        Of the rows H Jᵀ (n×nv), J (n×nv), a₀ = M⁻¹ f (nv), aref (n) and, for soft rows, R (n).
+
+        Raises:
+            InputError: shapes, values that are not finite, R negative.
+        """
+    def force(self, multipliers: _Vector) -> _Vector:
+        """Jᵀ λ (nv) of λ (n)."""
     @property
     def matrix(self) -> _Matrix:
         """A, n×n, before folding."""
@@ -179,6 +196,26 @@ class Setup:
         """
 
 @final
+class Column:
+    """A column of a run's table."""
+
+    @property
+    def kind(self) -> Literal["float", "int", "text", "list"]:
+        """What an entry is."""
+    @property
+    def values(self) -> NDArray[Any]:
+        """float, int: a number a row; text: a place among ``words`` a row; list: the numbers of all rows."""
+    @property
+    def missing(self) -> NDArray[np.bool_] | None:
+        """float, int: where a row has nothing, if that may be; else None."""
+    @property
+    def words(self) -> list[str]:
+        """text: the different words; else none."""
+    @property
+    def lengths(self) -> NDArray[np.uint64] | None:
+        """list: how many numbers each row has; else None."""
+
+@final
 class Run:
     """A run on its way, made by a ``Setup``."""
 
@@ -196,8 +233,8 @@ class Run:
     @property
     def state(self) -> tuple[_Vector, _Vector, float]:
         """Positions (nq), velocities (nv) and time (s) of the walker."""
-    def tables(self) -> list[dict[str, Any]]:
-        """The rows since the last call: {column: array} for each who answers."""
+    def tables(self) -> list[dict[str, Column]]:
+        """The rows since the last call: {name: column} for each who answers."""
     def snapshots(self) -> list[tuple[int, _Vector, _Vector, _Vector]]:
         """The states kept whole since the last call: (step, qpos, qvel, multipliers)."""
 

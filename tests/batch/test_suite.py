@@ -14,7 +14,7 @@ from oarlock.batch.suite import carry_out, collate, plan_suite, status_of
 from oarlock.batch.unit import expected_digest, plan_units
 from oarlock.batch.workers import LocalWorkers
 from oarlock.report.summary import Summary, write_summary
-from oarlock.tables.aggregate import TIMING_FIGURES
+from oarlock.tables.figures import TIMING_FIGURES
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.ledger import Ledger
 from oarlock.tables.provenance import occasion

@@ -18,7 +18,7 @@ from oarlock.batch.workers import LocalWorkers
 from oarlock.cases.case import MODELS
 from oarlock.cases.point import OWN, Point
 from oarlock.report.sweep_report import write_sweep_report
-from oarlock.tables.aggregate import TIMING_FIGURES
+from oarlock.tables.figures import TIMING_FIGURES
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.ledger import Ledger
 from tolerances import (

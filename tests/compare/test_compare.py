@@ -9,8 +9,9 @@ import polars as pl
 import pytest
 from oarlock.base.errors import InputError
 from oarlock.compare.folders import KEYS, Run, match, read_side
-from oarlock.compare.tolerances import FIGURES, Kind, kind_of
+from oarlock.compare.tolerances import FIGURES, tolerance_of
 from oarlock.tables.folder import ResultFolder
+from oarlock.tables.tolerances import Tolerance
 from pairs import edit, exact, set_figure
 from places import REPOSITORY
 from tolerances import RK4_ORDER_HIGH, RK4_ORDER_LOW
@@ -18,7 +19,7 @@ from tolerances import RK4_ORDER_HIGH, RK4_ORDER_LOW
 # Tolerances.
 
 
-KIND = Kind("drift", "smaller", 0.01, 1e-12, "test")
+TOLERANCE = Tolerance("drift", "smaller", 0.01, 1e-12, "test")
 
 
 @pytest.mark.parametrize(
@@ -36,7 +37,7 @@ KIND = Kind("drift", "smaller", 0.01, 1e-12, "test")
     ],
 )
 def test_a_tolerance(before, after, verdict):
-    assert KIND.verdict(before, after) == verdict
+    assert TOLERANCE.verdict(before, after) == verdict
 
 
 def test_whole_numbers_that_may_not_change():
@@ -63,13 +64,13 @@ def test_every_figure_of_a_summary_has_a_kind(results):
 def test_how_far_exact_constraints_are_from_mujoco_is_no_fault(form, mode, better):
     row = {"form": form, "mode": mode, "status": "done"}
     for figure in ("qacc_rel_diff_max", "trajectory_diff_max"):
-        assert kind_of(figure, row, row).better == better
+        assert tolerance_of(figure, row, row).better == better
 
 
 def test_of_two_runs_that_diverge_the_longer_one_is_better():
     row = {"form": "hard", "mode": "free", "status": "diverged"}
-    assert kind_of("steps_done", row, row).better == "larger"
-    assert kind_of("steps_done", {**row, "status": "done"}, row).better == "neither"
+    assert tolerance_of("steps_done", row, row).better == "larger"
+    assert tolerance_of("steps_done", {**row, "status": "done"}, row).better == "neither"
 
 
 # Which run is which.

@@ -13,7 +13,6 @@ from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.files import replacing, write_text
 from oarlock.cases.case_file import Gate
 from oarlock.tables.aggregate import judge, summarise
-from oarlock.tables.columns import steps_table
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool
@@ -62,7 +61,8 @@ def kept(tmp_path_factory):
 def recorded(**columns):
     """A run of made-up steps."""
     steps = Spool(SCHEMA)
-    steps.append(steps_table(columns, len(next(iter(columns.values())))))
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    steps.append(pl.DataFrame(rows, schema=SCHEMA, strict=False))
     return RunResult(KEY, "done", "", steps)
 
 

@@ -24,8 +24,8 @@ from oarlock.experiments.sketch import TRACE_POINTS, traced
 from oarlock.report import figures
 from oarlock.report.case_report import Tables, write_report
 from oarlock.tables import spool
-from oarlock.tables.aggregate import TIMING_FIGURES, summarise
-from oarlock.tables.columns import steps_table
+from oarlock.tables.aggregate import summarise
+from oarlock.tables.figures import TIMING_FIGURES
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
@@ -64,7 +64,7 @@ def filled(sizes, **options):
 def recorded(rows, held):
     table = Spool(SCHEMA, held=held)
     for row in rows:
-        table.append(steps_table({name: [figure] for name, figure in row.items()}, 1))
+        table.append(pl.DataFrame([row], schema=SCHEMA, strict=False))
     return RunResult(KEY, "done", "", table)
 
 
@@ -308,10 +308,10 @@ def test_the_report_of_a_long_run(tmp_path, monkeypatch):
 COMMAND = """
 import resource, sys
 from oarlock.cli import app as cli
-from oarlock.stepping import native_path, recorder
+from oarlock.stepping import native_path, python_path
 from oarlock.tables import spool
 spool.HELD = spool.PART = {held}
-native_path.CHUNK_ROWS = recorder.RECORDED = 200
+native_path.CHUNK_ROWS = python_path.HELD_ROWS = 200
 resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
 sys.argv = ["oarlock", "run", "boat", "--mode", "free", "--form", "hard", "--solver", "pinv", *sys.argv[1:]]
 cli.main()

@@ -4,6 +4,7 @@ from oarlock import _core
 from oarlock._core import (
     BUILD_PROFILE,
     VERSION,
+    Column,
     ConstrainedSystem,
     Info,
     InputError,
@@ -26,6 +27,7 @@ __all__ = [
     "BUILD_PROFILE",
     "FILE",
     "VERSION",
+    "Column",
     "ConstrainedSystem",
     "Info",
     "InputError",

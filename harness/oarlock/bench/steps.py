@@ -18,11 +18,10 @@ from oarlock.cases.case import load_case
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
+from oarlock.stepping.path import silent
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.python_path import PythonPath
 from oarlock.stepping.solvers import MUJOCO, RUN_REFERENCE, SolverSpec
-from oarlock.tables.schema import SCHEMA
-from oarlock.tables.spool import spools
 
 MODELS = ("boat", "four_bar", "n_four_bar:N=10,connects=2", "n_four_bar:N=40,connects=2")
 STEPS = 2000
@@ -43,14 +42,8 @@ _SWITCHES = {
 _APART, _TOGETHER = ", one after another", ", on all cores"
 _ISLANDS_OFF = mujoco.mjtDisableBit.mjDSBL_ISLAND
 
-_SPOOLS = partial(spools, schema=SCHEMA)
-
 Contender = Callable[[], float]
 """Does what is to be timed once and gives the time of a step, s."""
-
-
-def _no_tick(_steps: int) -> None:
-    pass
 
 
 class Track:
@@ -65,7 +58,7 @@ class Track:
             raise InputError(f"no native stepping: {native_path.refusal()}")
         case = load_case(name)
         timestep_s = case.file.run.timestep_s or 1e-3
-        self._laboratory = Laboratory(case, None, steps * timestep_s, _no_tick)
+        self._laboratory = Laboratory(case, None, steps * timestep_s, silent)
         self._terms = case.file.baumgarte
         self.steps = steps
 
@@ -101,7 +94,7 @@ class Track:
         return setup
 
     def _path(self, setup: PreparedCase) -> NativePath:
-        return NativePath(setup, self._terms, self._make, _no_tick, _SPOOLS)
+        return NativePath(setup, self._terms, self._make)
 
     def _make(self, spec: SolverSpec) -> core.MultiplierSolver:
         return spec.with_defaults(rank_cut=self._laboratory.case.file.rank_cut).make()
@@ -145,7 +138,7 @@ class Track:
         return once
 
     def _python(self) -> Contender:
-        path = PythonPath(self._setup(), self._terms, self._make, _no_tick, _SPOOLS)
+        path = PythonPath(self._setup(), self._terms, self._make)
         tracked = (SolverSpec("sr1-tracked"),)
         return lambda: self._timed(lambda: path.lockstep(SolverSpec(MUJOCO), None, ("hard",), tracked))
 

@@ -13,7 +13,7 @@ from oarlock.base.errors import one_line
 from oarlock.base.files import reading
 from oarlock.base.numbers import finite, short
 from oarlock.compare.folders import KEYS, Run, Side
-from oarlock.compare.tolerances import APART, kind_of
+from oarlock.compare.tolerances import APART, tolerance_of
 
 VERDICTS = ("worse", "disappeared", "changed", "better", "appeared", "same", "not judged")
 """Verdicts of a comparison, in the order in which they are shown."""
@@ -111,18 +111,18 @@ def compare_figures(before: Run, after: Run, timings: float | None) -> Iterator[
 
 def _figure(figure: str, before: Run, after: Run, timings: float | None) -> Comparison | None:
     was, became = before.row[figure], after.row[figure]
-    kind = kind_of(figure, before.row, after.row, timings)
-    place = (after.case, after.name, kind.group, figure, was, became)
+    tolerance = tolerance_of(figure, before.row, after.row, timings)
+    place = (after.case, after.name, tolerance.group, figure, was, became)
     low, high = number(was), number(became)
     if low is not None and high is not None:
-        factor = kind.factor(low, high)
-        verdict = kind.verdict(low, high)
-        if kind.group == "timing" and timings is None:
+        factor = tolerance.factor(low, high)
+        verdict = tolerance.verdict(low, high)
+        if tolerance.group == "timing" and timings is None:
             verdict = "not judged"
-        return Comparison(verdict, *place, factor=factor, tolerance=kind.tolerance, cause=kind.cause)
+        return Comparison(verdict, *place, factor=factor, tolerance=tolerance.words, cause=tolerance.cause)
     if was is None and became is None:
         return None
-    if kind.group == "timing" and timings is None:
+    if tolerance.group == "timing" and timings is None:
         return Comparison("not judged", *place)
     if was is None or became is None:
         return Comparison("appeared" if was is None else "disappeared", *place, cause="not measured on one side")
@@ -157,7 +157,7 @@ def _trajectories(before: Run, after: Run) -> Iterator[Comparison]:
     verdict = "same" if since is None else "changed"
     factor = max(apart, APART.floor) / APART.floor
     place = (after.case, after.name, APART.group, "qpos_apart_max", 0.0, apart)
-    yield Comparison(verdict, *place, factor=factor, time_s=since, tolerance=APART.tolerance, cause=APART.cause)
+    yield Comparison(verdict, *place, factor=factor, time_s=since, tolerance=APART.words, cause=APART.cause)
 
 
 def _coordinates(before: Run, after: Run) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:

@@ -18,7 +18,7 @@ from oarlock.render.page import Figure, page
 from oarlock.render.template import render
 from oarlock.report import figures
 from oarlock.report.statements import Compared, statements
-from oarlock.tables.aggregate import TIMING_FIGURES
+from oarlock.tables.figures import TIMING_FIGURES, shown
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.provenance import OCCASION, occasion_of
 
@@ -158,6 +158,7 @@ def markdown(tables: Tables, drawn: list[Figure]) -> str:
         model=tables.case["model"],
         figures={figure.name: figure for figure in drawn},
         inputs=inputs,
+        shown=shown("report"),
     )
 
 

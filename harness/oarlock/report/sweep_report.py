@@ -13,6 +13,7 @@ from oarlock.cases.point import DISTURBANCE
 from oarlock.render.charts import WIDTH, colour, log_axis, log_scale
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
+from oarlock.tables.figures import shown
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.ledger import TABLE
 from oarlock.tables.provenance import OCCASION, occasion_of
@@ -129,6 +130,7 @@ def write_sweep_report(results: Path, target: Path) -> Path:
         disturbance=DISTURBANCE,
         clipped=bool(small),
         table=TABLE,
+        shown=shown("sweep"),
     )
     for figure in tracked:
         write_text(target / "figures" / f"{figure.name}.svg", figure.svg())

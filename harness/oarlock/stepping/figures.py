@@ -1,15 +1,45 @@
-"""Figures of steps. Of many steps at once, arrays have a leading axis of steps."""
+"""What a row of the Python path says: figures of one state, of the solves of a step, and of its projection."""
 
 from collections.abc import Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 
-from oarlock.base.arrays import largest
+from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.core import Info
 from oarlock.base.vectors import times
+from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
+from oarlock.stepping.question import Answer
 from oarlock.stepping.state import State
+
+Row = dict[str, Any]
+"""Column → entry, of one step."""
+
+
+def place(prepared: Prepared, step: int, data: mujoco.MjData) -> Row:
+    """Where a step starts: time, positions, how open the rows are, and how far it is from an outside truth."""
+    row: Row = {
+        "step": step,
+        "time_s": data.time,
+        "drift_pos": float(largest(data.efc_pos[: data.ne])),
+        "drift_vel": float(largest(data.efc_vel[: data.ne])),
+        "qpos": data.qpos.tolist(),
+    }
+    if prepared.observed is not None:
+        row["truth_error"] = prepared.truth_error(step, data)
+    return row
+
+
+def answered(prepared: Prepared, step: int, state: State, qacc: np.ndarray, multipliers: np.ndarray) -> Row:
+    """The same, with an answer to the state: acceleration (nv) and multipliers (ne)."""
+    return {
+        **place(prepared, step, state.data),
+        "drift_acc": drift(state, qacc)[2],
+        "residual": state.residual.tolist(),
+        "multipliers": multipliers.tolist(),
+    }
 
 
 def drift(state: State, qacc: np.ndarray) -> tuple[float, float, float]:
@@ -18,35 +48,39 @@ def drift(state: State, qacc: np.ndarray) -> tuple[float, float, float]:
     return float(largest(state.residual)), float(largest(state.rate)), float(largest(acceleration))
 
 
-def solving(infos: Sequence[Sequence[Info]], references: Sequence[Info] | None) -> dict[str, Any]:
-    """What the solves of each step took.
-
-    ``references`` are the pseudo-inverse's infos on the first solve's question: they give the rank and the
-    inconsistency, which are the question's and not every solver knows them.
-    """
-    every = [info for step in infos for info in step]
-    begins = np.cumsum([0, *map(len, infos[:-1])])
-    wrong = [[info.status for info in step if info.status != "converged"] for step in infos]
-    known = references or [step[0] for step in infos]
-    iterations = np.array([info.iterations for info in every])
+def parity(answer: Answer, minimum: np.ndarray, qacc: np.ndarray, qfrc: np.ndarray) -> Row:
+    """How far an answer is from the minimum-norm multipliers (ne) and from MuJoCo's qacc and qfrc (nv)."""
     return {
-        "status": [statuses[0] if statuses else "converged" for statuses in wrong],
-        "solves": [len(step) for step in infos],
-        "unconverged": [len(statuses) for statuses in wrong],
-        "iterations": np.add.reduceat(iterations, begins),
-        "iterations_worst": np.maximum.reduceat(iterations, begins),
-        "products": np.add.reduceat([info.products for info in every], begins),
-        # A new fold changes the size, and a solver has to start from something: that is counted apart.
-        "refreshes": np.add.reduceat([int(info.refreshed and not info.refolded) for info in every], begins),
-        "refolds": np.add.reduceat([int(info.refolded) for info in every], begins),
-        "residual_rel": np.maximum.reduceat([info.residual_rel for info in every], begins),
-        "solve_ns": np.add.reduceat([info.elapsed_ns for info in every], begins),
-        "rank": [info.rank for info in known],
-        "inconsistency": [info.inconsistency for info in known],
+        "min_norm_error": float(relative_difference(answer.multipliers, minimum)),
+        "qacc_rel_diff": float(relative_difference(answer.qacc, qacc)),
+        "qfrc_constraint_rel_diff": float(relative_difference(answer.qfrc, qfrc)),
     }
 
 
-def projecting(projector: Projector | None) -> dict[str, object]:
+def solving(infos: Sequence[Info], known: Info) -> Row:
+    """What the solves of a step took.
+
+    ``known`` gives rank and inconsistency, which are the question's: not every solver finds them.
+    """
+    wrong = [info.status for info in infos if info.status != "converged"]
+    return {
+        "status": wrong[0] if wrong else "converged",
+        "solves": len(infos),
+        "unconverged": len(wrong),
+        "iterations": sum(info.iterations for info in infos),
+        "iterations_worst": max(info.iterations for info in infos),
+        "products": sum(info.products for info in infos),
+        # A new fold changes the size, and a solver has to start from something: that is counted apart.
+        "refreshes": sum(info.refreshed and not info.refolded for info in infos),
+        "refolds": sum(info.refolded for info in infos),
+        "residual_rel": float(np.max([info.residual_rel for info in infos])),  # unlike max(), it keeps a NaN
+        "solve_ns": sum(info.elapsed_ns for info in infos),
+        "rank": known.rank,
+        "inconsistency": known.inconsistency,
+    }
+
+
+def projecting(projector: Projector | None) -> Row:
     """What the projection at the end of the step took; nothing if there is none."""
     if projector is None or projector.last is None:
         return {}

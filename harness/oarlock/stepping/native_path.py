@@ -6,10 +6,8 @@ The core needs MuJoCo of exactly the version that it was built against, for it r
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import mujoco
-import numpy as np
 import polars as pl
 
 from oarlock.base import core
@@ -20,7 +18,9 @@ from oarlock.stepping.ending import Ending
 from oarlock.stepping.path import REFERENCE_SOLVER, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
-from oarlock.tables.columns import steps_table
+from oarlock.tables.columns import table_of_columns
+from oarlock.tables.figures import Walk
+from oarlock.tables.schema import SCHEMA
 from oarlock.tables.spool import Spool
 
 CHUNK_ROWS = 10_000
@@ -45,7 +45,7 @@ class NativePath:
     """The walks of what is prepared, as ``Path``.
 
     Raises:
-        InputError: the model cannot be walked natively.
+        InputError: this process cannot step natively, or not this model.
     """
 
     name = "native"
@@ -58,6 +58,8 @@ class NativePath:
         tick: Tick = silent,
         spools: Spools = SPOOLS,
     ):
+        if refusal():
+            raise InputError(f"no native stepping: {refusal()}")
         self._prepared, self._make, self._tick, self._spools = prepared, make, tick, spools
         self.core = core.Setup(
             prepared.model,
@@ -73,7 +75,7 @@ class NativePath:
 
     def calibration(self) -> Tables:
         """As ``Path``."""
-        return self._walk(self.core.calibration(self._prepared.steps))
+        return self._walk("calibration", self.core.calibration(self._prepared.steps))
 
     def lockstep(
         self, walker: SolverSpec, projector: SolverSpec | None, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]
@@ -83,12 +85,13 @@ class NativePath:
         questions = [(form, make(REFERENCE_SOLVER), [make(spec) for spec in solvers]) for form in forms]
         leader = None if walker.name == MUJOCO else make(walker)
         last = make(projector) if projector else None
-        return self._walk(self.core.lockstep(self._prepared.steps, questions, leader, last), len(forms) * len(solvers))
+        run = self.core.lockstep(self._prepared.steps, questions, leader, last)
+        return self._walk("lockstep", run, len(forms) * len(solvers))
 
     def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
         """As ``Path``."""
         asked = [(form, self._make(spec)) for form in forms for spec in solvers]
-        return self._walk(self.core.one_step(self._prepared.steps, asked), len(asked))
+        return self._walk("one-step", self.core.one_step(self._prepared.steps, asked), len(asked))
 
     def free(
         self,
@@ -100,26 +103,26 @@ class NativePath:
         """As ``Path``."""
         steps, make = self._prepared.steps, self._make
         if form is None:
-            return self._walk(self.core.free_mujoco(steps))
+            return self._walk("mujoco", self.core.free_mujoco(steps))
         last = make(projector) if projector else None
-        return self._walk(self.core.free_solved(steps, form, make(solver), make(reference), last))
+        return self._walk("free", self.core.free_solved(steps, form, make(solver), make(reference), last))
 
-    def _walk(self, run: core.Run, count: int = 1) -> Tables:
+    def _walk(self, walk: Walk, run: core.Run, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""
         tables = self._spools(count)
         rows = 0
         for taken in self._advance(run):
             rows += taken * count
             if rows >= CHUNK_ROWS:
-                self._take_over(run, tables)
+                self._take_over(walk, run, tables)
                 rows = 0
-        self._take_over(run, tables)
+        self._take_over(walk, run, tables)
         return tables, self._ending(run)
 
-    def _take_over(self, run: core.Run, tables: list[Spool]) -> None:
+    def _take_over(self, walk: Walk, run: core.Run, tables: list[Spool]) -> None:
         errors = self._published(run)
         for table, columns in zip(tables, run.tables(), strict=True):
-            table.append(self._frame(columns, errors))
+            table.append(self._frame(walk, columns, errors))
 
     def _advance(self, run: core.Run) -> Iterator[int]:
         left = self._prepared.steps
@@ -168,15 +171,17 @@ class NativePath:
             found[step] = prepared.published.errors(step, data)
         return found
 
-    def _frame(self, columns: dict[str, Any], errors: dict[int, dict[str, float]]) -> pl.DataFrame:
-        step = columns.get("step", np.zeros(0))
-        if "observed" in columns:
-            observed, lengths = columns.pop("observed")
-            places = observed.reshape(len(step), lengths[0])
-            columns["truth_error"] = ("nullable", self._prepared.truth_errors(step, places))
-        for number, figures in errors.items():
-            for name, value in figures.items():
-                values = columns.setdefault(name, [None] * len(step))
-                for index in np.flatnonzero(step == number):
-                    values[index] = value
-        return steps_table(columns, len(step))
+    def _frame(self, walk: Walk, columns: dict[str, core.Column], errors: dict[int, dict[str, float]]) -> pl.DataFrame:
+        """The table of what the core gives, and of what follows from it."""
+        if not columns:
+            return pl.DataFrame(schema=SCHEMA)
+        step = columns["step"].values
+        following: dict[str, pl.Series] = {}
+        observed = columns.pop("observed", None)
+        if observed is not None:
+            places = observed.values.reshape(len(step), -1)
+            following["truth_error"] = pl.Series(self._prepared.truth_errors(step, places), nan_to_null=True)
+        for figure in sorted({figure for found in errors.values() for figure in found}):
+            values = [errors.get(number, {}).get(figure) for number in step.tolist()]
+            following[figure] = pl.Series(values, dtype=pl.Float64)
+        return table_of_columns(walk, {**columns, **following}, len(step))

@@ -23,8 +23,6 @@ MAX_STEPS = 10_000_000
 TRUTH_ROWS = 50_000
 """Rows of the table of the truth at most: it is there to be drawn, and no figure shows more points."""
 
-_NOWHERE = np.zeros(0)
-
 
 def _steps(duration_s: float, timestep_s: float) -> int:
     if duration_s / timestep_s > MAX_STEPS:
@@ -89,12 +87,11 @@ class Prepared:
         data.qpos[:], data.qvel[:] = self.qpos, self.qvel
         return data
 
-    def place(self, data: mujoco.MjData) -> np.ndarray:
-        """Where the joint or site is that the truth knows, (1 or 3), at a state whose position stage is done.
-
-        Empty without a truth.
-        """
-        return _NOWHERE if self.observed is None else self.observed.position(data)
+    def truth_error(self, step: int, data: mujoco.MjData) -> float | None:
+        """``truth_errors`` of one state whose position stage is done; None where that is not known."""
+        assert self.observed is not None
+        error = float(self.truth_errors(np.array([step]), self.observed.position(data)[np.newaxis])[0])
+        return None if np.isnan(error) else error
 
     def truth_errors(self, steps: np.ndarray, places: np.ndarray) -> np.ndarray:
         """Distance of places (steps, 1 or 3) from where they should be at those steps; NaN where that is not known.

@@ -1,55 +1,63 @@
-"""The Python path: the experiments walked by ``stepping.py``. The readable one, and the oracle of the native path.
+"""The Python path: walks step by step in plain NumPy. The readable one, and the oracle of the native path.
 
-Rows are of the start of every step, where state, question and answer belong together.
+A row is written when it is seen: begun at the start of a step, where state, question and answer belong together, and
+completed once the step is taken.
 """
 
 import time
-from collections.abc import Callable
+from typing import Protocol
 
-import mujoco
 import numpy as np
 
-from oarlock.base.errors import DiskError, InputError
+from oarlock.base.arrays import relative_difference
+from oarlock.base.core import MultiplierSolver
+from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.prepare import unsolved
 from oarlock.stepping.ending import Ending
-from oarlock.stepping.figures import projecting
+from oarlock.stepping.figures import Row, answered, parity, place, projecting, solving
 from oarlock.stepping.path import REFERENCE_SOLVER, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Question, SolvedForce
-from oarlock.stepping.recorder import Recorder, Row
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.stepping.state import State
 from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_finite
+from oarlock.tables.columns import table_of_rows
+from oarlock.tables.figures import Walk
+from oarlock.tables.spool import Spool
 
-Finish = Callable[[float], None]
-"""Called with the time in µs that the step took, once it is taken: writes the rows that were begun before it."""
+Asked = tuple[Form, MultiplierSolver, list[MultiplierSolver]]
+"""A form, the solver whose multipliers count as the minimum-norm ones, and the solvers held against it."""
+
+HELD_ROWS = 1000
+"""Rows that are kept as dictionaries at most."""
 
 
-class Companion:
-    """MuJoCo's own trajectory, beside another one. Run it inside ``drive.installed()``, as ``MujocoWalker``."""
+class Experiment(Protocol):
+    """One walk and whoever answers along it."""
 
-    def __init__(self, prepared: Prepared):
-        self._prepared = prepared
-        self._walker = MujocoWalker(prepared.model, prepared.data())
-        self._alive = True
+    @property
+    def walk(self) -> Walk:
+        """Which walk it is."""
+        ...
 
-    def compare(self, qpos: np.ndarray) -> float | None:
-        """How far positions are from it (rad or m), None where it did not get to; then takes its next step."""
-        if not self._alive:
-            return None
-        data = self._walker.data
-        apart = self._prepared.apart(data.qpos, qpos)
-        self._walker.look()
-        self._walker.step()
-        self._alive = is_finite(data)
-        return apart
+    @property
+    def walker(self) -> Walker:
+        """Who walks."""
+        ...
+
+    def begin(self, step: int) -> list[Row]:
+        """The rows of a step, one of each who answers, as far as they are known before it is taken."""
+        ...
+
+    def complete(self, rows: list[Row]) -> None:
+        """Adds what is known once the step is taken."""
 
 
 class PythonPath:
-    """The experiments of one prepared."""
+    """The walks of what is prepared, as ``Path``."""
 
     name = "python"
 
@@ -64,21 +72,8 @@ class PythonPath:
         self._prepared, self._terms, self._make, self._tick, self._spools = prepared, terms, make, tick, spools
 
     def calibration(self) -> Tables:
-        """MuJoCo's own force through our stepping, against MuJoCo: the trajectory difference must be rounding."""
-        prepared = self._prepared
-        theirs = Companion(prepared)
-        data = prepared.data()
-        walker = ForcedWalker(prepared.model, data, prepared.drive, MujocoForce(prepared.model))
-        recorder = self._recorder()
-
-        def record(step: int) -> Finish:
-            row = Row(data.qpos, prepared.place(data), data.efc_pos[: data.ne], data.efc_vel[: data.ne])
-            apart = theirs.compare(data.qpos)
-            recorder.note(row, step=step, time_s=data.time, status="converged", trajectory_diff=apart)
-            return lambda step_us: recorder.end(step_us=step_us)
-
-        ending = self._walk(walker, record)
-        return [recorder.steps()], ending
+        """As ``Path``."""
+        return self._walk(Calibration(self._prepared))
 
     def lockstep(
         self,
@@ -87,82 +82,17 @@ class PythonPath:
         forms: tuple[Form, ...],
         solvers: tuple[SolverSpec, ...],
     ) -> Tables:
-        """One engine walks; at each of its states every solver answers the same question, and MuJoCo its own.
-
-        A solver walks in the hard form, and a projector with a solver of its own may end its steps. The tables come
-        form by form.
-        """
-        prepared = self._prepared
-        data = prepared.data()
-        state = self._state(data)
-        force, last = None, None
-        if walker.name == MUJOCO:
-            leader: Walker = MujocoWalker(prepared.model, data)
-        else:
-            force = SolvedForce(state, "hard", self._make(walker))
-            last = self._projector(projector)
-            leader = ForcedWalker(prepared.model, data, prepared.drive, force, last)
-        make, recorders = self._make, self._recorders(len(forms) * len(solvers))
-        tables = iter(recorders)
-        questions = [
-            (Question(state, form), make(REFERENCE_SOLVER), [(make(spec), next(tables)) for spec in solvers])
-            for form in forms
-        ]
-
-        def record(step: int) -> Finish:
-            state.read()
-            qacc, qfrc = leader.mujoco_answer()
-            for question, reference_solver, answering in questions:
-                question.ask()
-                minimum, reference = question.solve(reference_solver)
-                for solver, recorder in answering:
-                    answer = question.answer(solver)
-                    row = self._row(state, answer.qacc, answer.multipliers, minimum, answer.qfrc, qacc, qfrc)
-                    recorder.note(row, step=step, time_s=data.time, infos=[answer.info], reference=reference)
-
-            def finish(step_us: float) -> None:
-                for recorder in recorders:
-                    recorder.end(**projecting(last), step_us=step_us)
-                if force is not None:
-                    force.take_infos()
-
-            return finish
-
-        ending = self._walk(leader, record)
-        return [recorder.steps() for recorder in recorders], ending
+        """As ``Path``."""
+        make = self._make
+        leader = None if walker.name == MUJOCO else make(walker)
+        asked: list[Asked] = [(form, make(REFERENCE_SOLVER), [make(spec) for spec in solvers]) for form in forms]
+        experiment = Lockstep(self._prepared, self._terms, leader, projector, asked)
+        return self._walk(experiment, len(forms) * len(solvers))
 
     def one_step(self, forms: tuple[Form, ...], solvers: tuple[SolverSpec, ...]) -> Tables:
-        """From each of MuJoCo's states, one step each: what a single step adds to the difference. Form by form.
-
-        Never projected: from MuJoCo's states, which are open, the way to the manifold would drown what a step adds.
-        """
-        prepared = self._prepared
-        data, ours = prepared.data(), prepared.data()
-        state = self._state(ours)
-        forces = [SolvedForce(state, form, self._make(spec)) for form in forms for spec in solvers]
-        walkers = [ForcedWalker(prepared.model, ours, prepared.drive, force) for force in forces]
-        recorders = self._recorders(len(forces))
-
-        def record(step: int) -> Finish:
-            reached = []
-            for walker, recorder in zip(walkers, recorders, strict=True):
-                ours.qpos[:], ours.qvel[:], ours.act[:] = data.qpos, data.qvel, data.act
-                ours.time = data.time
-                walker.look()
-                row = self._row(state, ours.qacc, ours.efc_force)
-                recorder.note(row, step=step, time_s=ours.time)
-                walker.step()
-                reached.append(ours.qpos.copy())
-
-            def finish(step_us: float) -> None:
-                for force, recorder, qpos in zip(forces, recorders, reached, strict=True):
-                    apart = prepared.apart(data.qpos, qpos)
-                    recorder.end(infos=force.take_infos(), trajectory_diff=apart, step_us=step_us)
-
-            return finish
-
-        ending = self._walk(MujocoWalker(prepared.model, data), record)
-        return [recorder.steps() for recorder in recorders], ending
+        """As ``Path``."""
+        asked: list[tuple[Form, MultiplierSolver]] = [(form, self._make(spec)) for form in forms for spec in solvers]
+        return self._walk(OneStep(self._prepared, self._terms, asked), len(asked))
 
     def free(
         self,
@@ -171,116 +101,255 @@ class PythonPath:
         projector: SolverSpec | None,
         reference: SolverSpec = REFERENCE_SOLVER,
     ) -> Tables:
-        """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form."""
+        """As ``Path``."""
         if form is None:
-            return self._free_mujoco()
-        return self._free_solved(solver, form, projector, reference)
+            return self._walk(FreeMujoco(self._prepared, self._terms))
+        own, other = self._make(solver), self._make(reference)
+        return self._walk(FreeSolved(self._prepared, self._terms, form, own, projector, other))
 
-    def _free_mujoco(self) -> Tables:
-        prepared = self._prepared
+    def _walk(self, experiment: Experiment, count: int = 1) -> Tables:
+        """Walks all steps; ``count`` is the number of those who answer."""
+        tables = [_Table(experiment.walk, spool) for spool in self._spools(count)]
+        # A run that diverges overflows on its way; it ends with a status, not with warnings.
+        with self._prepared.drive.installed(), np.errstate(over="ignore", invalid="ignore"):
+            ending = self._take_steps(experiment, tables)
+        return [table.whole() for table in tables], ending
+
+    def _take_steps(self, experiment: Experiment, tables: list["_Table"]) -> Ending | None:
+        walker, steps = experiment.walker, self._prepared.steps
+        for step in range(steps):
+            try:
+                began = time.perf_counter()
+                walker.look()
+                looked = time.perf_counter()
+                rows = experiment.begin(step)
+                recorded = time.perf_counter()
+                walker.step()
+                step_us = 1e6 * (time.perf_counter() - recorded + looked - began)
+                experiment.complete(rows)
+            except InputError as error:
+                return Ending(step, walker.data.time, error)
+            for table, row in zip(tables, rows, strict=True):
+                table.append({**row, "step_us": step_us})
+            if not is_finite(walker.data):
+                return Ending(step, walker.data.time)
+            if (step + 1) % TICK_STEPS == 0 or step + 1 == steps:
+                self._tick(step % TICK_STEPS + 1)
+        return None
+
+
+class _Table:
+    """The rows of one who answers."""
+
+    def __init__(self, walk: Walk, spool: Spool):
+        self._walk: Walk = walk
+        self._spool = spool
+        self._rows: list[Row] = []
+
+    def append(self, row: Row) -> None:
+        self._rows.append(row)
+        if len(self._rows) >= HELD_ROWS:
+            self.whole()
+
+    def whole(self) -> Spool:
+        self._spool.append(table_of_rows(self._walk, self._rows))
+        self._rows = []
+        return self._spool
+
+
+class Companion:
+    """MuJoCo's own trajectory, beside another one. Run it inside ``drive.installed()``, as ``MujocoWalker``."""
+
+    def __init__(self, prepared: Prepared):
+        self._prepared = prepared
+        self._walker = MujocoWalker(prepared.model, prepared.data())
+
+    def compare(self, qpos: np.ndarray) -> float | None:
+        """How far positions are from it (rad or m), None where it did not get to; then takes its next step."""
+        data = self._walker.data
+        if not is_finite(data):
+            return None
+        apart = self._prepared.apart(data.qpos, qpos)
+        self._walker.look()
+        self._walker.step()
+        return apart
+
+
+class Calibration:
+    """MuJoCo's own force through our stepping, beside MuJoCo."""
+
+    walk: Walk = "calibration"
+
+    def __init__(self, prepared: Prepared):
+        self._prepared = prepared
+        model = prepared.model
+        self.walker = ForcedWalker(model, prepared.data(), prepared.drive, MujocoForce(model))
+        self._theirs = Companion(prepared)
+
+    def begin(self, step: int) -> list[Row]:
+        """As ``Experiment``."""
+        data = self.walker.data
+        apart = self._theirs.compare(data.qpos)
+        return [{**place(self._prepared, step, data), "status": "converged", "trajectory_diff": apart}]
+
+    def complete(self, rows: list[Row]) -> None:
+        """Nothing is left to say."""
+
+
+class Lockstep:
+    """Everyone answers the same questions along one walk: MuJoCo's, or a solver's in the hard form."""
+
+    walk: Walk = "lockstep"
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        terms: Baumgarte,
+        leader: MultiplierSolver | None,
+        projector: SolverSpec | None,
+        asked: list[Asked],
+    ):
+        self._prepared = prepared
+        model, data = prepared.model, prepared.data()
+        self._state = State(model, data, terms)
+        self._force = None if leader is None else SolvedForce(self._state, "hard", leader)
+        self._projector = Projector(model, solver=projector) if projector and leader else None
+        self.walker: Walker = MujocoWalker(model, data)
+        if self._force is not None:
+            self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
+        self._asked = [(Question(self._state, form), reference, solvers) for form, reference, solvers in asked]
+
+    def begin(self, step: int) -> list[Row]:
+        """As ``Experiment``, form by form."""
+        state = self._state
+        state.read()
+        qacc, qfrc = self.walker.mujoco_answer()
+        rows = []
+        for question, reference, solvers in self._asked:
+            question.ask()
+            minimum, known = question.solve(reference)
+            for solver in solvers:
+                answer = question.answer(solver)
+                row = answered(self._prepared, step, state, answer.qacc, answer.multipliers)
+                rows.append({**row, **parity(answer, minimum, qacc, qfrc), **solving([answer.info], known)})
+        return rows
+
+    def complete(self, rows: list[Row]) -> None:
+        """As ``Experiment``: the projection of the walk."""
+        for row in rows:
+            row.update(projecting(self._projector))
+        if self._force is not None:
+            self._force.take_infos()
+
+
+class OneStep:
+    """From each of MuJoCo's states, one step of everyone."""
+
+    walk: Walk = "one-step"
+
+    def __init__(self, prepared: Prepared, terms: Baumgarte, asked: list[tuple[Form, MultiplierSolver]]):
+        self._prepared = prepared
+        self.walker = MujocoWalker(prepared.model, prepared.data())
+        self._data = prepared.data()
+        self._state = State(prepared.model, self._data, terms)
+        forces = [SolvedForce(self._state, form, solver) for form, solver in asked]
+        self._ours = [(force, ForcedWalker(prepared.model, self._data, prepared.drive, force)) for force in forces]
+        self._reached: list[np.ndarray] = []
+
+    def begin(self, step: int) -> list[Row]:
+        """As ``Experiment``; takes the steps of all but MuJoCo."""
+        prepared, theirs, ours = self._prepared, self.walker.data, self._data
+        self._reached, rows = [], []
+        for force, walker in self._ours:
+            ours.qpos[:], ours.qvel[:], ours.act[:] = theirs.qpos, theirs.qvel, theirs.act
+            ours.time = theirs.time
+            walker.look()
+            row = answered(prepared, step, self._state, ours.qacc, ours.efc_force)
+            walker.step()
+            infos = force.take_infos()
+            rows.append({**row, **solving(infos, infos[0])})
+            self._reached.append(ours.qpos.copy())
+        return rows
+
+    def complete(self, rows: list[Row]) -> None:
+        """As ``Experiment``: how far MuJoCo's step went elsewhere."""
+        for row, qpos in zip(rows, self._reached, strict=True):
+            row["trajectory_diff"] = self._prepared.apart(self.walker.data.qpos, qpos)
+
+
+class FreeMujoco:
+    """MuJoCo walks alone."""
+
+    walk: Walk = "mujoco"
+
+    def __init__(self, prepared: Prepared, terms: Baumgarte):
+        self._prepared = prepared
         data = prepared.data()
-        state = self._state(data)
-        walker = MujocoWalker(prepared.model, data)
-        energy = Energy(prepared.model)
-        recorder = self._recorder()
+        self.walker = MujocoWalker(prepared.model, data)
+        self._state = State(prepared.model, data, terms)
+        self._energy = Energy(prepared.model)
 
-        def record(step: int) -> Finish:
-            state.read()
-            iterations = walker.iterations
-            figures = {
-                "step": step,
-                "time_s": data.time,
+    def begin(self, step: int) -> list[Row]:
+        """As ``Experiment``."""
+        prepared, data = self._prepared, self.walker.data
+        self._state.read()
+        iterations = self.walker.iterations
+        return [
+            {
+                **answered(prepared, step, self._state, data.qacc, data.efc_force),
                 "status": "converged",
                 "solves": 1,
                 "unconverged": 0,
                 "iterations": iterations,
                 "iterations_worst": iterations,
-                **energy.of(data),
+                **self._energy.of(data),
                 **prepared.published.errors(step, data),
             }
-            recorder.note(self._row(state, data.qacc, data.efc_force), **figures)
-            return lambda step_us: recorder.end(step_us=step_us)
+        ]
 
-        ending = self._walk(walker, record)
-        return [recorder.steps()], ending
+    def complete(self, rows: list[Row]) -> None:
+        """Nothing is left to say."""
 
-    def _free_solved(
-        self, solver: SolverSpec, form: Form, projector: SolverSpec | None, reference: SolverSpec
-    ) -> Tables:
-        prepared = self._prepared
-        theirs = Companion(prepared)
+
+class FreeSolved:
+    """A solver walks alone, beside MuJoCo as configured; a projector may end its steps."""
+
+    walk: Walk = "free"
+
+    def __init__(
+        self,
+        prepared: Prepared,
+        terms: Baumgarte,
+        form: Form,
+        solver: MultiplierSolver,
+        projector: SolverSpec | None,
+        reference: MultiplierSolver,
+    ):
+        self._prepared = prepared
         model = unsolved(prepared.model)
         data = prepared.data(model)
-        state = State(model, data, self._terms)
-        force = SolvedForce(state, form, self._make(solver))
-        last = Projector(model, solver=projector) if projector else None
-        walker = ForcedWalker(model, data, prepared.drive, force, last)
-        reference_solver = self._make(reference)
-        energy = Energy(prepared.model)
-        recorder = self._recorder()
+        self._state = State(model, data, terms)
+        self._force = SolvedForce(self._state, form, solver)
+        self._projector = Projector(model, solver=projector) if projector else None
+        self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
+        self._theirs = Companion(prepared)
+        self._reference = reference
+        self._energy = Energy(prepared.model)
 
-        def record(step: int) -> Finish:
-            figures = {
-                "step": step,
-                "time_s": data.time,
-                "trajectory_diff": theirs.compare(data.qpos),
-                **energy.of(data),
+    def begin(self, step: int) -> list[Row]:
+        """As ``Experiment``; its solves are counted when the step is taken."""
+        prepared, data = self._prepared, self.walker.data
+        minimum, self._known = self._force.question.solve(self._reference)
+        return [
+            {
+                **answered(prepared, step, self._state, data.qacc, data.efc_force),
+                "min_norm_error": float(relative_difference(data.efc_force, minimum)),
+                "trajectory_diff": self._theirs.compare(data.qpos),
+                **self._energy.of(data),
                 **prepared.published.errors(step, data),
             }
-            minimum, known = force.question.solve(reference_solver)
-            row = self._row(state, data.qacc, data.efc_force, minimum)
-            recorder.note(row, reference=known, **figures)
+        ]
 
-            def finish(step_us: float) -> None:
-                recorder.end(infos=force.take_infos(), **projecting(last), step_us=step_us)
-
-            return finish
-
-        ending = self._walk(walker, record)
-        return [recorder.steps()], ending
-
-    def _state(self, data: mujoco.MjData) -> State:
-        return State(self._prepared.model, data, self._terms)
-
-    def _projector(self, solver: SolverSpec | None) -> Projector | None:
-        return Projector(self._prepared.model, solver=solver) if solver else None
-
-    def _walk(self, walker: Walker, record: Callable[[int], Finish]) -> Ending | None:
-        """Walks all steps, recording each as it is taken; gives what ended the walk early, if anything did."""
-        data = walker.data
-        ticks = 0
-        # A run that diverges overflows on its way; it ends with a status, not with warnings.
-        with self._prepared.drive.installed(), np.errstate(over="ignore", invalid="ignore"):
-            for step in range(self._prepared.steps):
-                try:
-                    began = time.perf_counter()
-                    walker.look()
-                    looked = time.perf_counter()
-                    finish = record(step)
-                    recorded = time.perf_counter()
-                    walker.step()
-                    finish(1e6 * (time.perf_counter() - recorded + looked - began))
-                except DiskError:
-                    raise
-                except InputError as error:
-                    return Ending(step, data.time, error)
-                if not is_finite(data):
-                    return Ending(step, data.time)
-                ticks += 1
-                if ticks == TICK_STEPS:
-                    self._tick(ticks)
-                    ticks = 0
-        self._tick(ticks)
-        return None
-
-    def _recorder(self) -> Recorder:
-        return self._recorders(1)[0]
-
-    def _recorders(self, count: int) -> list[Recorder]:
-        return [Recorder(self._prepared, spool) for spool in self._spools(count)]
-
-    def _row(self, state: State, *answers: np.ndarray) -> Row:
-        """What a run notes of a state, and the answers to it: from ``Row.qacc`` on."""
-        data, jacobian = state.data, state.jacobian.ravel()
-        place = self._prepared.place(data)
-        return Row(data.qpos, place, state.residual, state.rate, state.curvature, jacobian, *answers)
+    def complete(self, rows: list[Row]) -> None:
+        """As ``Experiment``: solves and projection."""
+        rows[0].update(solving(self._force.take_infos(), self._known), **projecting(self._projector))

@@ -5,47 +5,11 @@ from dataclasses import asdict, dataclass
 
 import polars as pl
 
+from oarlock.tables.figures import COLUMNS, DTYPES
 from oarlock.tables.spool import Spool
 
-SCHEMA: dict[str, pl.DataType | type[pl.DataType]] = {
-    "step": pl.Int64,
-    "time_s": pl.Float64,
-    "status": pl.String,
-    "solves": pl.Int64,
-    "unconverged": pl.Int64,
-    "iterations": pl.Int64,
-    "iterations_worst": pl.Int64,
-    "products": pl.Int64,
-    "refreshes": pl.Int64,
-    "refolds": pl.Int64,
-    "residual_rel": pl.Float64,
-    "solve_ns": pl.Int64,
-    "rank": pl.Int64,
-    "inconsistency": pl.Float64,
-    "min_norm_error": pl.Float64,
-    "qacc_rel_diff": pl.Float64,
-    "qfrc_constraint_rel_diff": pl.Float64,
-    "drift_pos": pl.Float64,
-    "drift_vel": pl.Float64,
-    "drift_acc": pl.Float64,
-    "projection": pl.String,
-    "projection_rounds": pl.Int64,
-    "projection_solves": pl.Int64,
-    "projection_iterations": pl.Int64,
-    "projection_moved": pl.Float64,
-    "energy": pl.Float64,
-    "kinetic_energy": pl.Float64,
-    "trajectory_diff": pl.Float64,
-    "truth_error": pl.Float64,
-    "published_position_error": pl.Float64,
-    "published_velocity_error_rel": pl.Float64,
-    "published_multiplier_error_rel": pl.Float64,
-    "step_us": pl.Float64,
-    "qpos": pl.List(pl.Float64),
-    "residual": pl.List(pl.Float64),
-    "multipliers": pl.List(pl.Float64),
-}
-"""Columns of a steps table; a figure that does not apply is null."""
+SCHEMA = {column.name: DTYPES[column.kind] for column in COLUMNS}
+"""Columns of a table of steps, as polars knows them; what does not apply is null."""
 
 
 @dataclass(frozen=True)

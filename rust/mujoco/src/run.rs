@@ -110,14 +110,16 @@ impl Notes {
 
     /// Step, time, positions, deviations, and what the truth speaks of.
     pub(crate) fn place(&self, steps: &mut Steps, step: usize, data: &Data) {
-        steps.step.push(i64::try_from(step).unwrap_or(i64::MAX));
-        steps.time_s.push(data.time());
-        steps.drift_pos.push(largest(data.pos()));
-        steps.drift_vel.push(largest(data.vel()));
-        steps.qpos.push(data.qpos());
+        steps.int("step", i64::try_from(step).unwrap_or(i64::MAX));
+        steps.float("time_s", data.time());
+        steps.float("drift_pos", largest(data.pos()));
+        steps.float("drift_vel", largest(data.vel()));
+        steps.list("qpos", data.qpos());
         match self.observed {
-            Some(Observed::Coordinate(index)) => steps.observed.push(&data.qpos()[index..=index]),
-            Some(Observed::Site(index)) => steps.observed.push(&data.site_xpos()[3 * index..3 * index + 3]),
+            Some(Observed::Coordinate(index)) => steps.list("observed", &data.qpos()[index..=index]),
+            Some(Observed::Site(index)) => {
+                steps.list("observed", &data.site_xpos()[3 * index..3 * index + 3])
+            }
             None => {}
         }
     }
@@ -125,21 +127,21 @@ impl Notes {
     /// The same, and how far an acceleration (nv) leaves the rows.
     pub(crate) fn state(&mut self, steps: &mut Steps, step: usize, data: &Data, state: &State, qacc: &[f64]) {
         self.place(steps, step, data);
-        steps.residual.push(data.pos());
+        steps.list("residual", data.pos());
         self.acceleration.resize(data.ne(), 0.0);
         times(state.jacobian(), qacc, &mut self.acceleration);
         for (sum, curvature) in self.acceleration.iter_mut().zip(state.curvature()) {
             *sum += curvature;
         }
-        steps.drift_acc.push(largest(&self.acceleration));
+        steps.float("drift_acc", largest(&self.acceleration));
     }
 
     /// What a free run also shows, with its multipliers.
     pub(crate) fn free(&mut self, steps: &mut Steps, step: usize, data: &mut Data) -> Result<(), Error> {
         if self.conserved {
             let [potential, kinetic] = data.energy()?;
-            steps.energy.push(potential + kinetic);
-            steps.kinetic_energy.push(kinetic);
+            steps.float("energy", potential + kinetic);
+            steps.float("kinetic_energy", kinetic);
         }
         if self.due.last() == Some(&step) {
             self.due.pop();
@@ -150,7 +152,7 @@ impl Notes {
                 multipliers: data.force().to_vec(),
             });
         }
-        steps.multipliers.push(data.force());
+        steps.list("multipliers", data.force());
         Ok(())
     }
 
@@ -329,8 +331,8 @@ mod tests {
 
         fn record(&mut self, step: usize) -> Result<(), Error> {
             assert!(self.recorded && step == self.taken, "step {step} after {}", self.taken);
-            self.steps.step.push(i64::try_from(step).expect("few"));
-            self.steps.time_s.push(self.data.time());
+            self.steps.int("step", i64::try_from(step).expect("few"));
+            self.steps.float("time_s", self.data.time());
             Ok(())
         }
 
@@ -348,7 +350,7 @@ mod tests {
         }
 
         fn finish(&mut self, step_us: f64) -> Result<(), Error> {
-            self.steps.step_us.push(step_us);
+            self.steps.float("step_us", step_us);
             Ok(())
         }
 
@@ -379,7 +381,7 @@ mod tests {
         let mut numbers = Vec::new();
         for (name, column) in &table {
             match column {
-                Column::Int(values) => numbers.clone_from(values),
+                Column::Int { values, .. } => numbers.clone_from(values),
                 Column::Float { values, .. } => assert_eq!(values.len(), numbers.len(), "{name}"),
                 _ => panic!("{name}"),
             }

@@ -1,17 +1,22 @@
-//! The table of a run: a column a figure, a row a step.
+//! The table of a run: a column a figure, a row a step. A column is begun by whoever first writes into it.
 
 /// A column, ready to be handed over.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Column {
-    /// Numbers; NaN stands for nothing where `nullable` says so.
+    /// Numbers.
     Float {
         /// A number a row.
         values: Vec<f64>,
         /// Whether NaN stands for nothing.
         nullable: bool,
     },
-    /// Whole numbers; −1 stands for nothing.
-    Int(Vec<i64>),
+    /// Whole numbers.
+    Int {
+        /// A number a row.
+        values: Vec<i64>,
+        /// Whether [`NOTHING`] stands for nothing.
+        nullable: bool,
+    },
     /// Words: the different ones, and which of them each row has.
     Text {
         /// The different ones.
@@ -28,207 +33,168 @@ pub enum Column {
     },
 }
 
-/// Lists of numbers, one a row.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Lists {
-    values: Vec<f64>,
-    lengths: Vec<usize>,
-}
+/// Stands for nothing among whole numbers that may be missing: no count is negative.
+pub const NOTHING: i64 = -1;
 
-impl Lists {
-    /// Adds a row.
-    pub fn push(&mut self, row: &[f64]) {
-        self.values.extend_from_slice(row);
-        self.lengths.push(row.len());
+impl Column {
+    /// Rows of it.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        match self {
+            Self::Float { values, .. } => values.len(),
+            Self::Int { values, .. } => values.len(),
+            Self::Text { codes, .. } => codes.len(),
+            Self::List { lengths, .. } => lengths.len(),
+        }
+    }
+
+    /// Whether it has none.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
     }
 
     fn reserve(&mut self, rows: usize) {
-        self.lengths.reserve(rows);
-        self.values.reserve(rows * self.lengths.last().copied().unwrap_or(0));
+        match self {
+            Self::Float { values, .. } => values.reserve(rows),
+            Self::Int { values, .. } => values.reserve(rows),
+            Self::Text { codes, .. } => codes.reserve(rows),
+            Self::List { values, lengths } => {
+                lengths.reserve(rows);
+                values.reserve(rows * lengths.last().copied().unwrap_or(0));
+            }
+        }
     }
 
     fn truncate(&mut self, rows: usize) {
-        while self.lengths.len() > rows {
-            let entries = self.lengths.pop().unwrap_or(0);
-            self.values.truncate(self.values.len() - entries);
+        match self {
+            Self::Float { values, .. } => values.truncate(rows),
+            Self::Int { values, .. } => values.truncate(rows),
+            Self::Text { codes, .. } => codes.truncate(rows),
+            Self::List { values, lengths } => {
+                while lengths.len() > rows {
+                    let entries = lengths.pop().unwrap_or(0);
+                    values.truncate(values.len() - entries);
+                }
+            }
         }
     }
 }
 
-/// Words of a few, one a row.
+/// The rows of a run so far. Every row writes the same columns, once each; a column that nobody writes does not apply.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Words {
-    words: Vec<&'static str>,
-    codes: Vec<u8>,
+pub struct Steps {
+    columns: Vec<(&'static str, Column)>,
+    /// Rows write their columns in the same order: here the next one is found without a search.
+    next: usize,
 }
 
-impl Words {
-    /// Adds a row.
-    ///
-    /// # Panics
-    /// If there are more than 256 different words.
-    pub fn push(&mut self, word: &'static str) {
-        let known = self.words.iter().position(|&other| other == word);
-        let place = known.unwrap_or_else(|| {
-            self.words.push(word);
-            self.words.len() - 1
-        });
-        self.codes.push(u8::try_from(place).expect("columns of words have a few different ones"));
-    }
-
-    fn truncate(&mut self, rows: usize) {
-        self.codes.truncate(rows);
-    }
-
-    fn reserve(&mut self, rows: usize) {
-        self.codes.reserve(rows);
-    }
-}
-
-macro_rules! steps {
-    ($($(#[$doc:meta])* $name:ident: $kind:ty => $column:ident;)*) => {
-        /// The rows of a run so far; a column that stays empty does not apply to it.
-        #[derive(Debug, Clone, Default, PartialEq)]
-        pub struct Steps {
-            $($(#[$doc])* pub $name: $kind,)*
-        }
-
+macro_rules! writers {
+    ($($(#[$doc:meta])* $name:ident($value:ident: $kind:ty) into $column:pat, begun as $empty:expr => $push:expr;)*) => {
         impl Steps {
-            /// The columns that apply, by name, and nothing left behind.
-            pub fn take(&mut self) -> Vec<(&'static str, Column)> {
-                let mut columns = Vec::new();
-                $($column(stringify!($name), std::mem::take(&mut self.$name), &mut columns);)*
-                columns
-            }
-
-            /// Makes room for so many more rows, of as many numbers as the last one had.
-            pub fn reserve(&mut self, rows: usize) {
-                $(self.$name.reserve(rows);)*
-            }
-
-            /// Forgets the rows after so many: a step that failed half-way leaves none.
-            pub fn truncate(&mut self, rows: usize) {
-                $(self.$name.truncate(rows);)*
-            }
+            $(
+                $(#[$doc])*
+                ///
+                /// # Panics
+                /// If the column holds something else.
+                pub fn $name(&mut self, name: &'static str, $value: $kind) {
+                    match self.column(name, || $empty) {
+                        $column => $push,
+                        other => unreachable!("column {name} holds {other:?}"),
+                    }
+                }
+            )*
         }
     };
 }
 
-type Columns = Vec<(&'static str, Column)>;
-
-fn float(name: &'static str, values: Vec<f64>, columns: &mut Columns) {
-    if !values.is_empty() {
-        columns.push((name, Column::Float { values, nullable: false }));
-    }
+writers! {
+    /// Writes a number into a column.
+    float(value: f64) into Column::Float { values, nullable: false },
+        begun as Column::Float { values: Vec::new(), nullable: false } => values.push(value);
+    /// Writes a number, or nothing.
+    maybe(value: Option<f64>) into Column::Float { values, nullable: true },
+        begun as Column::Float { values: Vec::new(), nullable: true } => values.push(value.unwrap_or(f64::NAN));
+    /// Writes a whole number.
+    int(value: i64) into Column::Int { values, nullable: false },
+        begun as Column::Int { values: Vec::new(), nullable: false } => values.push(value);
+    /// Writes a size, or nothing.
+    maybe_size(value: Option<usize>) into Column::Int { values, nullable: true },
+        begun as Column::Int { values: Vec::new(), nullable: true } =>
+        values.push(value.map_or(NOTHING, |size| i64::try_from(size).unwrap_or(i64::MAX)));
+    /// Writes one of a few words: not more than 256 different ones.
+    word(value: &'static str) into Column::Text { words, codes },
+        begun as Column::Text { words: Vec::new(), codes: Vec::new() } => {
+        let known = words.iter().position(|&other| other == value);
+        let place = known.unwrap_or_else(|| {
+            words.push(value);
+            words.len() - 1
+        });
+        codes.push(u8::try_from(place).expect("columns of words have a few different ones"));
+    };
+    /// Writes a list of numbers.
+    list(value: &[f64]) into Column::List { values, lengths },
+        begun as Column::List { values: Vec::new(), lengths: Vec::new() } => {
+        values.extend_from_slice(value);
+        lengths.push(value.len());
+    };
 }
 
-fn nullable(name: &'static str, values: Vec<f64>, columns: &mut Columns) {
-    if !values.is_empty() {
-        columns.push((name, Column::Float { values, nullable: true }));
+impl Steps {
+    fn column(&mut self, name: &'static str, empty: impl FnOnce() -> Column) -> &mut Column {
+        let here = self.columns.get(self.next).is_some_and(|(other, _)| *other == name);
+        let at = if here {
+            self.next
+        } else {
+            self.columns.iter().position(|(other, _)| *other == name).unwrap_or_else(|| {
+                self.columns.push((name, empty()));
+                self.columns.len() - 1
+            })
+        };
+        self.next = if at + 1 < self.columns.len() { at + 1 } else { 0 };
+        &mut self.columns[at].1
     }
-}
 
-fn int(name: &'static str, values: Vec<i64>, columns: &mut Columns) {
-    if !values.is_empty() {
-        columns.push((name, Column::Int(values)));
+    /// The columns that apply, by name, and nothing left behind.
+    pub fn take(&mut self) -> Vec<(&'static str, Column)> {
+        self.next = 0;
+        let mut columns = std::mem::take(&mut self.columns);
+        columns.retain(|(_, column)| !column.is_empty());
+        columns
     }
-}
 
-fn text(name: &'static str, words: Words, columns: &mut Columns) {
-    if !words.codes.is_empty() {
-        columns.push((name, Column::Text { words: words.words, codes: words.codes }));
+    /// Makes room for so many more rows, of as many numbers as the last one had.
+    pub fn reserve(&mut self, rows: usize) {
+        for (_, column) in &mut self.columns {
+            column.reserve(rows);
+        }
     }
-}
 
-fn list(name: &'static str, lists: Lists, columns: &mut Columns) {
-    if !lists.lengths.is_empty() {
-        columns.push((name, Column::List { values: lists.values, lengths: lists.lengths }));
+    /// Forgets the rows after so many: a step that failed half-way leaves none.
+    pub fn truncate(&mut self, rows: usize) {
+        for (_, column) in &mut self.columns {
+            column.truncate(rows);
+        }
     }
-}
-
-steps! {
-    /// Number of the step.
-    step: Vec<i64> => int;
-    /// s, at its start.
-    time_s: Vec<f64> => float;
-    /// How its solves ended.
-    status: Words => text;
-    /// Number of solves.
-    solves: Vec<i64> => int;
-    /// Those that did not converge.
-    unconverged: Vec<i64> => int;
-    /// Iterations of all solves.
-    iterations: Vec<i64> => int;
-    /// Of the one that took most.
-    iterations_worst: Vec<i64> => int;
-    /// Products of all solves.
-    products: Vec<i64> => int;
-    /// Recomputed pseudo-inverses.
-    refreshes: Vec<i64> => int;
-    /// New folds.
-    refolds: Vec<i64> => int;
-    /// Largest relative residual.
-    residual_rel: Vec<f64> => float;
-    /// Wall time of the solves.
-    solve_ns: Vec<i64> => int;
-    /// Rank of A.
-    rank: Vec<i64> => int;
-    /// ‖Nᵀ b‖.
-    inconsistency: Vec<f64> => nullable;
-    /// Of the first solve, relative.
-    min_norm_error: Vec<f64> => float;
-    /// From MuJoCo's acceleration, relative.
-    qacc_rel_diff: Vec<f64> => float;
-    /// From MuJoCo's constraint force, relative.
-    qfrc_constraint_rel_diff: Vec<f64> => float;
-    /// Largest deviation of a row, m or rad.
-    drift_pos: Vec<f64> => float;
-    /// Largest rate of a row.
-    drift_vel: Vec<f64> => float;
-    /// Largest acceleration of a row.
-    drift_acc: Vec<f64> => float;
-    /// How the projection ended.
-    projection: Words => text;
-    /// Its corrections of the positions.
-    projection_rounds: Vec<i64> => int;
-    /// Its solves.
-    projection_solves: Vec<i64> => int;
-    /// Their iterations.
-    projection_iterations: Vec<i64> => int;
-    /// Largest change of a coordinate, rad or m.
-    projection_moved: Vec<f64> => float;
-    /// Potential and kinetic energy, J.
-    energy: Vec<f64> => float;
-    /// Kinetic energy, J.
-    kinetic_energy: Vec<f64> => float;
-    /// From MuJoCo's trajectory, rad or m.
-    trajectory_diff: Vec<f64> => nullable;
-    /// Time of the step itself, µs.
-    step_us: Vec<f64> => float;
-    /// Positions, nq.
-    qpos: Lists => list;
-    /// Deviations, ne.
-    residual: Lists => list;
-    /// Multipliers, ne.
-    multipliers: Lists => list;
-    /// What an outside truth speaks of: a coordinate, or the place of a site.
-    observed: Lists => list;
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn row(steps: &mut Steps, step: i64) {
+        steps.int("step", step);
+        steps.float("time_s", 0.5 * step as f64);
+        steps.word("status", if step == 1 { "breakdown" } else { "converged" });
+        steps.maybe("inconsistency", (step > 0).then_some(0.5));
+        steps.maybe_size("rank", (step > 0).then_some(4));
+        steps.list("multipliers", &[1.0, 2.0, 3.0][..=usize::try_from(step % 3).expect("small")]);
+    }
+
     /// So many rows, with a column of every kind.
     fn rows(count: i64) -> Steps {
         let mut steps = Steps::default();
-        for step in 0..count {
-            steps.step.push(step);
-            steps.time_s.push(0.5 * step as f64);
-            steps.inconsistency.push(f64::NAN);
-            steps.status.push(if step == 1 { "breakdown" } else { "converged" });
-            steps.multipliers.push(&[1.0, 2.0, 3.0][..=usize::try_from(step % 3).expect("small")]);
-        }
+        (0..count).for_each(|step| row(&mut steps, step));
         steps
     }
 
@@ -237,16 +203,17 @@ mod tests {
         let mut steps = rows(4);
         let columns = steps.take();
         let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
-        assert_eq!(names, ["step", "time_s", "status", "inconsistency", "multipliers"]);
-        assert_eq!(columns[0].1, Column::Int(vec![0, 1, 2, 3]));
+        assert_eq!(names, ["step", "time_s", "status", "inconsistency", "rank", "multipliers"]);
+        assert_eq!(columns[0].1, Column::Int { values: vec![0, 1, 2, 3], nullable: false });
         assert_eq!(columns[1].1, Column::Float { values: vec![0.0, 0.5, 1.0, 1.5], nullable: false });
         assert_eq!(
             columns[2].1,
             Column::Text { words: vec!["converged", "breakdown"], codes: vec![0, 1, 0, 0] }
         );
-        assert!(matches!(&columns[3].1, Column::Float { values, nullable: true } if values.len() == 4));
+        assert!(matches!(&columns[3].1, Column::Float { values, nullable: true } if values[0].is_nan()));
+        assert_eq!(columns[4].1, Column::Int { values: vec![NOTHING, 4, 4, 4], nullable: true });
         let values = vec![1.0, 1.0, 2.0, 1.0, 2.0, 3.0, 1.0];
-        assert_eq!(columns[4].1, Column::List { values, lengths: vec![1, 2, 3, 1] });
+        assert_eq!(columns[5].1, Column::List { values, lengths: vec![1, 2, 3, 1] });
         assert_eq!(steps, Steps::default());
         assert!(steps.take().is_empty());
     }
@@ -254,28 +221,64 @@ mod tests {
     #[test]
     fn a_row_that_was_begun_is_forgotten_in_every_column() {
         let mut steps = rows(3);
-        steps.step.push(3);
-        steps.status.push("converged");
-        steps.multipliers.push(&[4.0]);
-        steps.truncate(3);
-        let shorter = |count: usize| {
-            let mut steps = rows(3);
+        steps.int("step", 3);
+        steps.word("status", "converged");
+        steps.list("multipliers", &[4.0]);
+        for count in [3, 2, 1] {
             steps.truncate(count);
-            // NaN is not itself.
-            steps.inconsistency.clear();
-            steps
-        };
-        steps.inconsistency.clear();
-        assert_eq!(steps, shorter(3));
-        assert_eq!(shorter(2).multipliers, rows(2).multipliers);
-        assert_eq!(shorter(0).multipliers, Lists::default());
+            let expected = rows(i64::try_from(count).expect("few")).take();
+            for ((name, column), (other, expected)) in steps.clone().take().into_iter().zip(expected) {
+                assert_eq!((name, column.len()), (other, count));
+                // NaN is not itself, and words that no row has any more stay known.
+                if !matches!(name, "inconsistency" | "status") {
+                    assert_eq!(column, expected, "{name}");
+                }
+            }
+        }
+        steps.truncate(0);
+        assert!(steps.take().is_empty());
+    }
+
+    #[test]
+    fn rows_go_on_after_the_table_was_taken() {
+        let mut steps = rows(1);
+        steps.take();
+        row(&mut steps, 1);
+        let taken = steps.take();
+        assert_eq!(taken[0].1, Column::Int { values: vec![1], nullable: false });
+        assert_eq!(taken[2].1, Column::Text { words: vec!["breakdown"], codes: vec![0] });
+    }
+
+    #[test]
+    fn rows_may_write_in_another_order() {
+        let mut steps = Steps::default();
+        for names in [["a", "b"], ["b", "a"], ["a", "b"]] {
+            for name in names {
+                steps.float(name, if name == "a" { 1.0 } else { 2.0 });
+            }
+        }
+        let column = |value: f64| Column::Float { values: vec![value; 3], nullable: false };
+        assert_eq!(steps.take(), [("a", column(1.0)), ("b", column(2.0))]);
     }
 
     #[test]
     fn room_is_no_row() {
         let mut steps = rows(2);
         steps.reserve(1000);
-        assert!(steps.multipliers.values.capacity() >= 2000 && steps.step.capacity() >= 1000);
-        assert_eq!(steps.take().len(), 5);
+        let room =
+            |name: &str| steps.columns.iter().find(|(other, _)| *other == name).map(|(_, column)| column);
+        assert!(matches!(room("step"), Some(Column::Int { values, .. }) if values.capacity() >= 1000));
+        assert!(
+            matches!(room("multipliers"), Some(Column::List { values, .. }) if values.capacity() >= 2000)
+        );
+        assert_eq!(steps.take().len(), 6);
+    }
+
+    #[test]
+    #[should_panic(expected = "column step holds Float")]
+    fn a_column_holds_one_kind() {
+        let mut steps = Steps::default();
+        steps.float("step", 1.0);
+        steps.int("step", 1);
     }
 }

@@ -9,7 +9,6 @@ use oarlock_mujoco::experiments::{self, Solver};
 use oarlock_mujoco::projection::Projector;
 use oarlock_mujoco::run::Observed;
 use oarlock_mujoco::state::{Baumgarte, Form};
-use oarlock_mujoco::steps::Column;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -218,6 +217,50 @@ pub fn advance_all(py: Python<'_>, mut runs: Vec<PyRefMut<'_, Run>>, steps: usiz
     py.detach(|| native::run::advance_all(&mut inner, steps))
 }
 
+/// A column of a run's table.
+#[pyclass(frozen, module = "oarlock._core")]
+pub struct Column {
+    /// "float", "int", "text" or "list".
+    #[pyo3(get)]
+    kind: &'static str,
+    /// float, int: a number a row; text: a place among `words` a row; list: the numbers of all rows.
+    #[pyo3(get)]
+    values: Py<PyAny>,
+    /// float, int: where a row has nothing, if that may be; else None.
+    #[pyo3(get)]
+    missing: Option<Py<PyArray1<bool>>>,
+    /// text: the different words; else none.
+    #[pyo3(get)]
+    words: Vec<&'static str>,
+    /// list: how many numbers each row has; else None.
+    #[pyo3(get)]
+    lengths: Option<Py<PyArray1<usize>>>,
+}
+
+impl Column {
+    fn of(py: Python<'_>, column: native::steps::Column) -> Self {
+        use native::steps::{Column as Native, NOTHING};
+        let missing = |flags: Vec<bool>| flags.into_pyarray(py).unbind();
+        let (kind, values, missing, words, lengths) = match column {
+            Native::Float { values, nullable } => {
+                let missing = nullable.then(|| missing(values.iter().map(|value| value.is_nan()).collect()));
+                ("float", values.into_pyarray(py).into_any(), missing, Vec::new(), None)
+            }
+            Native::Int { values, nullable } => {
+                let missing =
+                    nullable.then(|| missing(values.iter().map(|&value| value == NOTHING).collect()));
+                ("int", values.into_pyarray(py).into_any(), missing, Vec::new(), None)
+            }
+            Native::Text { words, codes } => ("text", codes.into_pyarray(py).into_any(), None, words, None),
+            Native::List { values, lengths } => {
+                let lengths = lengths.into_pyarray(py).unbind();
+                ("list", values.into_pyarray(py).into_any(), None, Vec::new(), Some(lengths))
+            }
+        };
+        Self { kind, values: values.unbind(), missing, words, lengths }
+    }
+}
+
 /// A run on its way, made by a `Setup`.
 #[pyclass(module = "oarlock._core")]
 pub struct Run {
@@ -274,29 +317,13 @@ impl Run {
         state_of(py, self.inner.data())
     }
 
-    /// The rows since the last call: for each who answers {column: array}; words as (the different ones, a place
-    /// among them a row), lists as (all numbers, lengths).
-    /// NaN stands for nothing in a column that comes as ("nullable", array), −1 in whole numbers.
+    /// The rows since the last call: {name: column} for each who answers.
     fn tables<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let tables = PyList::empty(py);
         for columns in self.inner.take_tables() {
             let table = PyDict::new(py);
             for (name, column) in columns {
-                match column {
-                    Column::Float { values, nullable: false } => {
-                        table.set_item(name, values.into_pyarray(py))?;
-                    }
-                    Column::Float { values, nullable: true } => {
-                        table.set_item(name, ("nullable", values.into_pyarray(py)))?;
-                    }
-                    Column::Int(values) => table.set_item(name, values.into_pyarray(py))?,
-                    Column::Text { words, codes } => {
-                        table.set_item(name, (words, codes.into_pyarray(py)))?;
-                    }
-                    Column::List { values, lengths } => {
-                        table.set_item(name, (values.into_pyarray(py), lengths.into_pyarray(py)))?;
-                    }
-                }
+                table.set_item(name, Column::of(py, column))?;
             }
             tables.append(table)?;
         }

@@ -188,14 +188,14 @@ def _refusal(model: mujoco.MjModel, data: mujoco.MjData) -> str:
 def _take_over(columns: dict, rows: _Rows) -> None:
     if "step" not in columns:
         return
-    qpos, position, force = (_lists(*columns[name]) for name in ("qpos", "residual", "multipliers"))
-    drift = np.stack([np.asarray(columns[f"drift_{level}"]) for level in ("pos", "vel", "acc")], axis=1)
-    for step, rank in enumerate(np.asarray(columns["rank"]).tolist()):
+    qpos, position, force = (_lists(columns[name]) for name in ("qpos", "residual", "multipliers"))
+    drift = np.stack([columns[f"drift_{level}"].values for level in ("pos", "vel", "acc")], axis=1)
+    for step, rank in enumerate(columns["rank"].values.tolist()):
         rows.append(qpos[step], position[step], force[step], drift[step], rank)
 
 
-def _lists(values: np.ndarray, lengths: np.ndarray) -> list[np.ndarray]:
-    return np.split(values, np.cumsum(np.asarray(lengths, dtype=int))[:-1])
+def _lists(column: core.Column) -> list[np.ndarray]:
+    return np.split(column.values, np.cumsum(np.asarray(column.lengths, dtype=int))[:-1])
 
 
 def _python(model: mujoco.MjModel, data: mujoco.MjData, laws: dict[str, str], steps: int, rows: _Rows) -> End:

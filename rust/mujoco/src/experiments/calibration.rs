@@ -39,7 +39,7 @@ impl Experiment for Calibration {
 
     fn record(&mut self, step: usize) -> Result<(), Error> {
         self.notes.place(&mut self.steps, step, &self.walker.data);
-        self.steps.status.push(Status::Converged.name());
+        self.steps.word("status", Status::Converged.name());
         self.theirs.compare(&mut self.steps, self.walker.data.qpos())
     }
 
@@ -48,7 +48,7 @@ impl Experiment for Calibration {
     }
 
     fn finish(&mut self, step_us: f64) -> Result<(), Error> {
-        self.steps.step_us.push(step_us);
+        self.steps.float("step_us", step_us);
         Ok(())
     }
 

@@ -63,10 +63,10 @@ impl Companion {
     /// Notes how far positions are from it, rad or m, and takes its next step.
     pub(super) fn compare(&mut self, steps: &mut Steps, qpos: &[f64]) -> Result<(), Error> {
         if !self.alive {
-            steps.trajectory_diff.push(f64::NAN);
+            steps.maybe("trajectory_diff", None);
             return Ok(());
         }
-        steps.trajectory_diff.push(apart(&mut self.apart, &self.walker.data, qpos));
+        steps.maybe("trajectory_diff", apart(&mut self.apart, &self.walker.data, qpos));
         self.walker.look()?;
         self.walker.step()?;
         self.alive = is_finite(&self.walker.data);
@@ -74,38 +74,38 @@ impl Companion {
     }
 }
 
-/// Largest difference of positions from those of a data in any coordinate; NaN if one is not finite.
-pub(super) fn apart(work: &mut [f64], data: &Data, qpos: &[f64]) -> f64 {
+/// Largest difference of positions from those of a data in any coordinate; nothing if one is not finite.
+pub(super) fn apart(work: &mut [f64], data: &Data, qpos: &[f64]) -> Option<f64> {
     data.model().differentiate(work, data.qpos(), qpos);
     let difference = largest(work);
-    if difference.is_finite() { difference } else { f64::NAN }
+    difference.is_finite().then_some(difference)
 }
 
 impl Tally {
     /// Writes it down, with what is known of the question.
     pub(super) fn write(&self, steps: &mut Steps, known: &Info) {
-        steps.status.push(self.status.unwrap_or(Status::Converged).name());
-        steps.solves.push(self.solves);
-        steps.unconverged.push(self.unconverged);
-        steps.iterations.push(self.iterations);
-        steps.iterations_worst.push(self.iterations_worst);
-        steps.products.push(self.products);
-        steps.refreshes.push(self.refreshes);
-        steps.refolds.push(self.refolds);
-        steps.residual_rel.push(self.residual_rel);
-        steps.solve_ns.push(self.solve_ns);
-        steps.rank.push(known.rank.map_or(-1, |rank| i64::try_from(rank).unwrap_or(i64::MAX)));
-        steps.inconsistency.push(known.inconsistency.unwrap_or(f64::NAN));
+        steps.word("status", self.status.unwrap_or(Status::Converged).name());
+        steps.int("solves", self.solves);
+        steps.int("unconverged", self.unconverged);
+        steps.int("iterations", self.iterations);
+        steps.int("iterations_worst", self.iterations_worst);
+        steps.int("products", self.products);
+        steps.int("refreshes", self.refreshes);
+        steps.int("refolds", self.refolds);
+        steps.float("residual_rel", self.residual_rel);
+        steps.int("solve_ns", self.solve_ns);
+        steps.maybe_size("rank", known.rank);
+        steps.maybe("inconsistency", known.inconsistency);
     }
 }
 
 /// Writes down what the projection at the end of the step took.
 pub(super) fn projecting(steps: &mut Steps, projector: Option<&Projector>) {
     if let Some(last) = projector.and_then(|projector| projector.last) {
-        steps.projection.push(last.landing.name());
-        steps.projection_rounds.push(last.rounds);
-        steps.projection_solves.push(last.solves);
-        steps.projection_iterations.push(last.iterations);
-        steps.projection_moved.push(last.moved);
+        steps.word("projection", last.landing.name());
+        steps.int("projection_rounds", last.rounds);
+        steps.int("projection_solves", last.solves);
+        steps.int("projection_iterations", last.iterations);
+        steps.float("projection_moved", last.moved);
     }
 }

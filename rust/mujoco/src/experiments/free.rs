@@ -48,11 +48,11 @@ impl Experiment for FreeMujoco {
         self.state.read(data)?;
         self.notes.state(steps, step, data, &self.state, data.qacc());
         let iterations = data.solver_iterations();
-        steps.status.push(Status::Converged.name());
-        steps.solves.push(1);
-        steps.unconverged.push(0);
-        steps.iterations.push(iterations);
-        steps.iterations_worst.push(iterations);
+        steps.word("status", Status::Converged.name());
+        steps.int("solves", 1);
+        steps.int("unconverged", 0);
+        steps.int("iterations", iterations);
+        steps.int("iterations_worst", iterations);
         self.notes.free(steps, step, data)
     }
 
@@ -61,7 +61,7 @@ impl Experiment for FreeMujoco {
     }
 
     fn finish(&mut self, step_us: f64) -> Result<(), Error> {
-        self.steps.step_us.push(step_us);
+        self.steps.float("step_us", step_us);
         Ok(())
     }
 
@@ -170,7 +170,7 @@ impl Experiment for FreeSolved {
         theirs.compare(steps, data.qpos())?;
         notes.free(steps, step, data)?;
         reference.ask(&mut force.system)?;
-        steps.min_norm_error.push(relative_difference(&force.answer.multipliers, &reference.multipliers));
+        steps.float("min_norm_error", relative_difference(&force.answer.multipliers, &reference.multipliers));
         Ok(())
     }
 
@@ -181,7 +181,7 @@ impl Experiment for FreeSolved {
     fn finish(&mut self, step_us: f64) -> Result<(), Error> {
         mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.reference.info);
         projecting(&mut self.steps, self.walker.projector.as_ref());
-        self.steps.step_us.push(step_us);
+        self.steps.float("step_us", step_us);
         Ok(())
     }
 

@@ -136,10 +136,13 @@ impl Experiment for Lockstep {
                 let mut tally = Tally::default();
                 tally.add(&answer.info, answer.elapsed);
                 tally.write(steps, &reference.info);
-                steps.min_norm_error.push(relative_difference(&answer.multipliers, &reference.multipliers));
-                steps.qacc_rel_diff.push(relative_difference(&answer.qacc, &self.qacc));
-                steps.qfrc_constraint_rel_diff.push(relative_difference(&answer.qfrc, &self.qfrc));
-                steps.multipliers.push(&answer.multipliers);
+                steps.float(
+                    "min_norm_error",
+                    relative_difference(&answer.multipliers, &reference.multipliers),
+                );
+                steps.float("qacc_rel_diff", relative_difference(&answer.qacc, &self.qacc));
+                steps.float("qfrc_constraint_rel_diff", relative_difference(&answer.qfrc, &self.qfrc));
+                steps.list("multipliers", &answer.multipliers);
             }
         }
         Ok(())
@@ -159,7 +162,7 @@ impl Experiment for Lockstep {
         };
         for (_, steps) in self.questions.iter_mut().flat_map(|question| &mut question.solvers) {
             projecting(steps, projector);
-            steps.step_us.push(step_us);
+            steps.float("step_us", step_us);
         }
         Ok(())
     }

@@ -53,7 +53,7 @@ impl Experiment for OneStep {
             walker.look()?;
             let known = walker.force.answer.info;
             self.notes.state(steps, step, &walker.data, &walker.force.state, walker.data.qacc());
-            steps.multipliers.push(&walker.force.answer.multipliers);
+            steps.list("multipliers", &walker.force.answer.multipliers);
             walker.step()?;
             walker.force.tally.write(steps, &known);
         }
@@ -66,8 +66,8 @@ impl Experiment for OneStep {
 
     fn finish(&mut self, step_us: f64) -> Result<(), Error> {
         for (walker, steps) in &mut self.ours {
-            steps.trajectory_diff.push(apart(&mut self.apart, &self.theirs.data, walker.data.qpos()));
-            steps.step_us.push(step_us);
+            steps.maybe("trajectory_diff", apart(&mut self.apart, &self.theirs.data, walker.data.qpos()));
+            steps.float("step_us", step_us);
         }
         Ok(())
     }

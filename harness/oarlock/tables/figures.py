@@ -1,0 +1,181 @@
+"""The columns of a table of steps and the figures of a summary: what each is, how it is judged, where it is shown.
+
+A new figure begins here; which files follow is said in ARCHITECTURE.md.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import polars as pl
+
+from oarlock.tables import tolerances as tolerance
+from oarlock.tables.reductions import (
+    Alone,
+    Reduction,
+    change,
+    largest,
+    mean,
+    median,
+    others,
+    ratio,
+    smallest,
+    total,
+    total_after_first,
+    total_if_any,
+)
+from oarlock.tables.tolerances import Tolerance
+
+Walk = Literal["calibration", "lockstep", "one-step", "free", "mujoco"]
+"""What a table is of; ``free`` is a solver's free run, ``mujoco`` MuJoCo's own."""
+
+Kind = Literal["int", "float", "text", "list"]
+
+DTYPES: dict[Kind, pl.DataType | type[pl.DataType]] = {
+    "int": pl.Int64,
+    "float": pl.Float64,
+    "text": pl.String,
+    "list": pl.List(pl.Float64),
+}
+
+_EVERY: tuple[Walk, ...] = ("calibration", "lockstep", "one-step", "free", "mujoco")
+_ASKED: tuple[Walk, ...] = ("lockstep", "one-step", "free", "mujoco")
+_SOLVED: tuple[Walk, ...] = ("lockstep", "one-step", "free")
+_LOCKSTEP: tuple[Walk, ...] = ("lockstep",)
+_COMPARED: tuple[Walk, ...] = ("lockstep", "free")
+_FREE: tuple[Walk, ...] = ("free", "mujoco")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table of steps. Where it does not apply it is null.
+
+    Attributes:
+        name: its name.
+        kind: what an entry is.
+        meaning: what it says, with its unit.
+        walks: the walks whose rows have it.
+        optional: whether such a walk may be without it: nothing is known, projected or conserved.
+    """
+
+    name: str
+    kind: Kind
+    meaning: str
+    walks: tuple[Walk, ...] = _EVERY
+    optional: bool = False
+
+
+COLUMNS = (
+    Column("step", "int", "number of the step"),
+    Column("time_s", "float", "time at its start, s"),
+    Column("status", "text", "how its solves ended"),
+    Column("solves", "int", "number of solves; RK4 makes four", _ASKED),
+    Column("unconverged", "int", "those that did not converge", _ASKED),
+    Column("iterations", "int", "iterations of all solves", _ASKED),
+    Column("iterations_worst", "int", "of the one that took most", _ASKED),
+    Column("products", "int", "products of all solves with A or the carried inverse", _SOLVED),
+    Column("refreshes", "int", "recomputed pseudo-inverses", _SOLVED),
+    Column("refolds", "int", "new folds", _SOLVED),
+    Column("residual_rel", "float", "largest ‖A x − b‖ / ‖b‖", _SOLVED),
+    Column("solve_ns", "int", "wall time of the solves, ns", _SOLVED),
+    Column("rank", "int", "rank of A", _SOLVED),
+    Column("inconsistency", "float", "‖Nᵀ b‖, N a basis of null(A)", _SOLVED),
+    Column("min_norm_error", "float", "relative distance from the minimum-norm multipliers", _COMPARED),
+    Column("qacc_rel_diff", "float", "relative distance from MuJoCo's acceleration", _LOCKSTEP),
+    Column("qfrc_constraint_rel_diff", "float", "relative distance from MuJoCo's constraint force", _LOCKSTEP),
+    Column("drift_pos", "float", "largest deviation of a row, m or rad"),
+    Column("drift_vel", "float", "largest rate of a row, per s"),
+    Column("drift_acc", "float", "largest acceleration of a row, per s²", _ASKED),
+    Column("projection", "text", "how the projection at the end of the step ended", _COMPARED, optional=True),
+    Column("projection_rounds", "int", "its corrections of the positions", _COMPARED, optional=True),
+    Column("projection_solves", "int", "its solves", _COMPARED, optional=True),
+    Column("projection_iterations", "int", "their iterations", _COMPARED, optional=True),
+    Column("projection_moved", "float", "largest change of a coordinate by it, rad or m", _COMPARED, optional=True),
+    Column("energy", "float", "potential and kinetic energy, J", _FREE, optional=True),
+    Column("kinetic_energy", "float", "kinetic energy, J", _FREE, optional=True),
+    Column("trajectory_diff", "float", "distance from MuJoCo's own run, rad or m", ("calibration", "one-step", "free")),
+    Column("truth_error", "float", "distance from the outside truth, rad or m", optional=True),
+    Column("published_position_error", "float", "distance from a printed position, rad or m", _FREE, optional=True),
+    Column("published_velocity_error_rel", "float", "the same of a velocity, relative", _FREE, optional=True),
+    Column("published_multiplier_error_rel", "float", "the same of multipliers, relative", _FREE, optional=True),
+    Column("step_us", "float", "wall time of the step itself, µs"),
+    Column("qpos", "list", "positions, nq"),
+    Column("residual", "list", "deviations of the rows, ne", _ASKED),
+    Column("multipliers", "list", "multipliers, ne", _ASKED),
+)
+"""In the order of the table."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of a run: a number of its summary.
+
+    Attributes:
+        name: its name.
+        of: what of the steps it is.
+        tolerance: how it is judged against another run's; None: it only belongs to another figure.
+        report: its heading in a case's table of runs, if it stands there.
+        sweep: its heading in a sweep's.
+    """
+
+    name: str
+    of: Reduction | Alone
+    tolerance: Tolerance | None
+    report: str = ""
+    sweep: str = ""
+
+
+FIGURES = (
+    Figure("solves", total("solves"), None),
+    Figure("unconverged", total("unconverged"), tolerance.GIVEN_UP),
+    Figure("iterations_mean", ratio("iterations", "solves"), tolerance.MEAN, sweep="iterations a solve"),
+    Figure("iterations_max", largest("iterations_worst"), tolerance.MOST),
+    # The first solve of a fold has to start from something; the folds after the first are counted apart.
+    Figure("refreshes", total_after_first("refreshes"), tolerance.RESTARTS),
+    Figure("refolds", total_if_any("refolds"), tolerance.RESTARTS),
+    Figure("rank_min", smallest("rank"), tolerance.WHOLE),
+    Figure("rank_max", largest("rank"), tolerance.WHOLE),
+    Figure("min_norm_error_max", largest("min_norm_error"), tolerance.NORM, sweep="min-norm error"),
+    Figure("min_norm_error_median", median(pl.col("min_norm_error")), tolerance.NORM),
+    Figure("residual_rel_max", largest("residual_rel"), tolerance.RESIDUAL),
+    Figure("inconsistency_max", largest("inconsistency"), tolerance.QUESTION),
+    Figure("qacc_rel_diff_max", largest("qacc_rel_diff"), tolerance.PARITY, report="qacc against MuJoCo"),
+    Figure(
+        "qfrc_constraint_rel_diff_max",
+        largest("qfrc_constraint_rel_diff"),
+        tolerance.PARITY,
+        report="constraint force against MuJoCo",
+    ),
+    Figure("drift_pos_max", largest("drift_pos"), tolerance.DRIFT, report="drift: position", sweep="drift"),
+    Figure("drift_vel_max", largest("drift_vel"), tolerance.DRIFT_VEL, report="velocity"),
+    Figure("drift_acc_max", largest("drift_acc"), tolerance.DRIFT_ACC, report="acceleration"),
+    Figure("unprojected", others("projection", "landed"), tolerance.GIVEN_UP),
+    Figure("projection_rounds_mean", mean("projection_rounds"), tolerance.MEAN),
+    Figure("projection_rounds_max", largest("projection_rounds"), tolerance.MOST),
+    Figure("projection_iterations_mean", ratio("projection_iterations", "projection_solves"), tolerance.MEAN),
+    Figure("projection_moved_max", largest("projection_moved"), tolerance.DRIFT),
+    Figure("energy_drift_rel", change("energy", "kinetic_energy"), tolerance.ENERGY),
+    Figure(
+        "truth_error_max", largest("truth_error"), tolerance.TRUTH, report="distance from truth", sweep="from truth"
+    ),
+    Figure("published_position_error_max", largest("published_position_error"), tolerance.TRUTH),
+    Figure("published_velocity_error_rel_max", largest("published_velocity_error_rel"), tolerance.TRUTH),
+    Figure("published_multiplier_error_rel_max", largest("published_multiplier_error_rel"), tolerance.TRUTH),
+    Figure(
+        "trajectory_diff_max",
+        largest("trajectory_diff"),
+        tolerance.WALK,
+        report="from MuJoCo's free run",
+        sweep="from MuJoCo",
+    ),
+    Figure("solve_ns_median", median(pl.col("solve_ns") / pl.col("solves")), tolerance.TIME),
+    Figure("step_us_median", median(pl.col("step_us")), tolerance.TIME),
+)
+"""In the order of the summary."""
+
+TIMING_FIGURES = tuple(figure.name for figure in FIGURES if figure.tolerance is tolerance.TIME)
+"""Figures that change from run to run on the same machine."""
+
+
+def shown(where: Literal["report", "sweep"]) -> dict[str, str]:
+    """Figures of a table of runs, with their headings."""
+    return {figure.name: heading for figure in FIGURES if (heading := getattr(figure, where))}
