@@ -16,13 +16,12 @@ import polars as pl
 from oarlock.base.errors import InputError, one_line
 from oarlock.batch import digest
 from oarlock.cases.case import Case, load_case
-from oarlock.cases.case_file import Form
 from oarlock.cases.point import OWN, SEED, SOLREF, TIMESTEP, Point
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.outcome import describe
 from oarlock.experiments.plan import Request, plan
 from oarlock.experiments.sketch import sketch, traced
-from oarlock.experiments.task import Task, run_key
+from oarlock.experiments.task import Task, Walk
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.aggregate import summarise
@@ -77,12 +76,12 @@ def plan_units(asked: str, case: Case) -> list[Unit]:
     units: list[Unit] = []
     taken: set[str] = set()
     for task in plan(case, Request()):
-        for walk in _walks(task):
-            new = tuple(name for name in run_names(case, walk) if name not in taken)
+        for walk in task.walks():
+            new = tuple(name for name in walk.names if name not in taken)
             taken.update(new)
             if new:
-                mark = _mark(inputs, walk, new, not units)
-                units.append(Unit(asked, walk, new, mark, _cost(case, walk, None), not units))
+                mark = _mark(inputs, walk.task, new, not units)
+                units.append(Unit(asked, walk.task, new, mark, _cost(case, walk, None), not units))
     sweep = case.file.sweep
     if sweep and case.parameters == case.file.parameters:
         points = [Point(((TIMESTEP, timestep_s),)) for timestep_s in sweep.timesteps_s]
@@ -98,7 +97,7 @@ def plan_units(asked: str, case: Case) -> list[Unit]:
 
 
 def units_at(asked: str, case: Case, points: Sequence[Point], tasks: Sequence[Task]) -> list[Unit]:
-    """A unit a point and task of one walk, in this order.
+    """A unit a point and walk of the tasks, in this order.
 
     Raises:
         InputError: a parameter that the case does not have, or a fraction where an integer is expected.
@@ -108,10 +107,10 @@ def units_at(asked: str, case: Case, points: Sequence[Point], tasks: Sequence[Ta
     for point in points:
         here = point.of(case)
         there = _inputs_at(inputs, case, point)
-        for task in tasks:
-            runs = run_names(case, task)
-            cost = _cost(here, task, point.get(TIMESTEP))
-            units.append(Unit(asked, task, runs, _mark(there, task, runs, False), cost, point=point))
+        for walk in (walk for task in tasks for walk in task.walks()):
+            cost = _cost(here, walk, point.get(TIMESTEP))
+            mark = _mark(there, walk.task, walk.names, False)
+            units.append(Unit(asked, walk.task, walk.names, mark, cost, point=point))
     return units
 
 
@@ -126,32 +125,12 @@ def _mark(inputs: str, task: Task, runs: tuple[str, ...], first: bool) -> str:
     return digest.of_document([inputs, repr(task), runs, first])
 
 
-def _walks(task: Task) -> list[Task]:
-    """A task as tasks of one walk each: in a free run each engine walks alone."""
-    if task.mode != "free":
-        return [task]
-    walks = []
-    for spec in task.solvers:
-        forms = task.forms[:1] if spec.name == MUJOCO else task.forms
-        walks += [replace(task, solvers=(spec,), forms=(form,)) for form in forms]
-    return walks
-
-
-def run_names(case: Case, task: Task) -> tuple[str, ...]:
-    """Names of the runs that a task gives, in order."""
-    if task.mode == "calibration":
-        pairs: list[tuple[str, Form | None]] = [(MUJOCO, None)]
-    else:
-        pairs = [(str(s), None if s.name == MUJOCO else f) for f in task.forms for s in task.solvers]
-    return tuple(run_key(case.name, task, solver, form, 0.0, 0).slug for solver, form in pairs)
-
-
-def _cost(case: Case, task: Task, timestep_s: float | None) -> float:
+def _cost(case: Case, walk: Walk, timestep_s: float | None) -> float:
     """Steps × questions a step, dearer for larger mechanisms. Seconds, very roughly."""
     steps = case.file.run.duration_s / (timestep_s or case.file.run.timestep_s or 1e-3)
-    stages = 4 if task.integrator == "rk4" else 1
-    solved = task.mode != "calibration" and any(spec.name != MUJOCO for spec in task.solvers)
-    questions = stages + (1 + len(task.forms) * len(task.solvers) if solved else 0)
+    stages = 4 if walk.task.integrator == "rk4" else 1
+    solved = any(solver.name != MUJOCO for solver, _ in walk.answers)
+    questions = stages + (1 + len(walk.answers) if solved else 0)
     try:
         size = int(case.expected().get("nv", 10))
     except InputError:

@@ -16,7 +16,7 @@ from oarlock.base.options import Number
 
 Integrator = Literal["euler", "implicit", "implicitfast", "rk4"]
 Form = Literal["matched", "hard"]
-Mode = Literal["calibration", "lockstep", "one-step", "free"]
+ModeName = Literal["calibration", "lockstep", "one-step", "free"]
 Stabilisation = Literal["baumgarte", "projection", "both"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
@@ -258,7 +258,7 @@ class Experiment(_Table):
         settings: named ways of running MuJoCo.
     """
 
-    mode: Mode
+    mode: ModeName
     walker: str = "mujoco"
     forms: list[Form] = ["hard"]
     solvers: list[str] = ["pinv"]

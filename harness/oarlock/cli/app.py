@@ -21,9 +21,10 @@ from rich.table import Table
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.numbers import short
 from oarlock.cli.check import check
-from oarlock.cli.console import BAD_INPUT, GATE_FAILED, JsonOption, console, emit_json, ends, say
+from oarlock.cli.console import BAD_INPUT, GATE_FAILED, JsonOption, console, emit_json, ends, one_of, say
 from oarlock.cli.diff import diff
 from oarlock.cli.explain import explain
+from oarlock.experiments.modes import ASKED
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.session import Progress
 from oarlock.experiments.session import run as run_model
@@ -124,7 +125,7 @@ def run(
         list[str] | None, typer.Option(metavar="NAME[:key=value,…]", help="Solver; may be repeated.")
     ] = None,
     form: Annotated[str | None, typer.Option(help="matched, hard or both.")] = None,
-    mode: Annotated[str | None, typer.Option(help="lockstep, one-step, free or all.")] = None,
+    mode: Annotated[str | None, typer.Option(help=one_of(ASKED))] = None,
     walker: Annotated[str | None, typer.Option(help="Who walks in lockstep: mujoco or a solver.")] = None,
     integrator: Annotated[str | None, typer.Option(help="euler, implicit, implicitfast or rk4.")] = None,
     stabilisation: Annotated[

@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -57,6 +57,12 @@ def emit_json(document: Any, target: str) -> None:
         sys.stdout.flush()
     else:
         write_text(Path(target), text)
+
+
+def one_of(names: Iterable[str]) -> str:
+    """The help of an option that takes one of these names."""
+    *others, last = names
+    return f"{', '.join(others)} or {last}."
 
 
 def shown(text: str) -> Text:

@@ -1,7 +1,4 @@
-"""The experiments: calibration, lockstep, one-step, free run. Each turns a task into finished runs.
-
-They are walked on the native path or on the Python path.
-"""
+"""Turns tasks into finished runs: takes their walks on the native path or on the Python path."""
 
 import warnings
 from collections.abc import Callable, Iterator
@@ -16,18 +13,19 @@ import polars as pl
 from oarlock.base.core import MultiplierSolver
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Baumgarte, Form, Integrator
+from oarlock.cases.case_file import Baumgarte, Integrator
 from oarlock.cases.truth import load_truth
-from oarlock.experiments.task import Task, run_key
+from oarlock.experiments.modes import MODES
+from oarlock.experiments.task import Task, Walk
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
 from oarlock.stepping.path import Path as SteppingPath
-from oarlock.stepping.path import Spools, Tables, Tick
+from oarlock.stepping.path import Spools, Tick
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.python_path import PythonPath
-from oarlock.stepping.solvers import MUJOCO, SolverSpec
-from oarlock.tables.schema import SCHEMA, RunResult
+from oarlock.stepping.solvers import SolverSpec
+from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
 
 Stepping = Literal["auto", "native", "python"]
@@ -35,10 +33,6 @@ Stepping = Literal["auto", "native", "python"]
 
 
 STEPPINGS: list[Stepping] = ["auto", "native", "python"]
-
-
-Walk = Callable[[], list[RunResult]]
-"""One walk of an experiment, ready to go: gives the runs of all who answer along it."""
 
 
 class _StoppedError(Exception):
@@ -125,32 +119,18 @@ class Laboratory:
             raise _StoppedError
         self._listener(steps)
 
-    def _walks(self, task: Task) -> Iterator[Walk]:
+    def _walks(self, task: Task) -> Iterator[Callable[[], list[RunResult]]]:
+        """The walks of a task, each set up and ready to be taken; gives the runs of all who answer along it."""
         setup = self._shared(task.integrator, task.settings)
         path = self._path(task, setup)
+        return (partial(self._take, walk, setup, path) for walk in task.walks())
 
-        def walk(names: list[tuple[str, Form | None]], go: Callable[[], Tables]) -> list[RunResult]:
-            tables, ending = go()
-            message = ending.message() if ending else ""
-            return [
-                self._result(task, setup, path.name, solver, form, steps, message)
-                for (solver, form), steps in zip(names, tables, strict=True)
-            ]
-
-        pairs: list[tuple[str, Form | None]] = [(str(spec), form) for form in task.forms for spec in task.solvers]
-        if task.mode == "calibration":
-            yield partial(walk, [(MUJOCO, None)], path.calibration)
-        elif task.mode == "lockstep":
-            projector = self._projector(task, "hard")
-            yield partial(walk, pairs, partial(path.lockstep, task.walker, projector, task.forms, task.solvers))
-        elif task.mode == "one-step":
-            yield partial(walk, pairs, partial(path.one_step, task.forms, task.solvers))
-        else:
-            for spec in task.solvers:
-                for form in (None,) if spec.name == MUJOCO else task.forms:
-                    yield partial(
-                        walk, [(str(spec), form)], partial(path.free, spec, form, self._projector(task, form))
-                    )
+    def _take(self, walk: Walk, setup: PreparedCase, path: SteppingPath) -> list[RunResult]:
+        projector = TRACKED.with_defaults(rank_cut=self.case.file.rank_cut) if walk.task.projected else None
+        tables, ending = MODES[walk.task.mode].take(path, walk.task, projector)
+        message = ending.message() if ending else ""
+        keys = walk.keys(self.case.name, setup.timestep_s, setup.steps, path.name)
+        return [_result(key, steps, message) for key, steps in zip(keys, tables, strict=True)]
 
     def _shared(self, integrator: Integrator, settings: str) -> PreparedCase:
         """A setup for all walks that ask for the same: they leave it as it is."""
@@ -177,15 +157,9 @@ class Laboratory:
     def _make(self, spec: SolverSpec) -> MultiplierSolver:
         return spec.with_defaults(rank_cut=self.case.file.rank_cut).make()
 
-    def _projector(self, task: Task, form: Form | None) -> SolverSpec | None:
-        projects = form == "hard" and task.stabilisation != "baumgarte"
-        return TRACKED.with_defaults(rank_cut=self.case.file.rank_cut) if projects else None
 
-    def _result(
-        self, task: Task, setup: PreparedCase, path: str, solver: str, form: Form | None, steps: Spool, message: str
-    ) -> RunResult:
-        key = run_key(self.case.name, task, solver, form, setup.timestep_s, setup.steps, path)
-        ends = steps.collect(pl.col("unconverged").sum(), (pl.col("projection") != "landed").sum())
-        unconverged, unprojected = ends.row(0)
-        status = "diverged" if message else "unconverged" if unconverged else "unprojected" if unprojected else "done"
-        return RunResult(key, status, message, steps)
+def _result(key: RunKey, steps: Spool, message: str) -> RunResult:
+    ends = steps.collect(pl.col("unconverged").sum(), (pl.col("projection") != "landed").sum())
+    unconverged, unprojected = ends.row(0)
+    status = "diverged" if message else "unconverged" if unconverged else "unprojected" if unprojected else "done"
+    return RunResult(key, status, message, steps)

@@ -7,19 +7,12 @@ from typing import get_args
 from oarlock.base import core
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Experiment, Form, Integrator, Mode, Stabilisation
+from oarlock.cases.case_file import Experiment, Form, Integrator, Stabilisation
+from oarlock.experiments.modes import ASKED, CALIBRATION, MODES
 from oarlock.experiments.task import Task
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 
 FORMS: dict[str, list[Form]] = {"matched": ["matched"], "hard": ["hard"], "both": ["matched", "hard"]}
-
-
-MODES: dict[str, list[Mode]] = {
-    "lockstep": ["lockstep"],
-    "one-step": ["one-step"],
-    "free": ["free"],
-    "all": ["lockstep", "one-step", "free"],
-}
 
 
 @dataclass(frozen=True)
@@ -53,7 +46,7 @@ def plan(case: Case, request: Request) -> list[Task]:
     if request.whole_case:
         experiments = case.file.experiments
     else:
-        modes = MODES[choose("mode", request.mode or "all", list(MODES))]
+        modes = ASKED[choose("mode", request.mode or "all", list(ASKED))]
         forms = FORMS[choose("form", request.form or "both", list(FORMS))]
         if request.integrator:
             choose("integrator", request.integrator, valid)
@@ -70,7 +63,7 @@ def plan(case: Case, request: Request) -> list[Task]:
                     "stabilisation": request.stabilisation,
                 }
             )
-            for mode in ("calibration", *modes)
+            for mode in (CALIBRATION, *modes)
         ]
     if request.rtol is not None:
         asked = [SolverSpec.parse(text) for experiment in experiments for text in experiment.solvers]
@@ -80,7 +73,7 @@ def plan(case: Case, request: Request) -> list[Task]:
     for experiment in experiments:
         specs = (SolverSpec.parse(text).with_defaults(rtol=request.rtol) for text in experiment.solvers)
         solvers = list(dict.fromkeys(specs))
-        if experiment.mode in ("lockstep", "one-step"):
+        if MODES[experiment.mode].against_mujoco:
             solvers = [spec for spec in solvers if spec.name != MUJOCO]
             if not solvers:
                 raise InputError(f"mode {experiment.mode} compares solvers with MuJoCo: name one besides mujoco")
@@ -88,15 +81,8 @@ def plan(case: Case, request: Request) -> list[Task]:
             for settings in experiment.settings:
                 case.file.setting(settings)
                 walker = SolverSpec.parse(experiment.walker).with_defaults(rtol=request.rtol)
-                forms = tuple(experiment.forms)
+                forms = tuple(dict.fromkeys(experiment.forms))
                 stabilisation = experiment.stabilisation or case.file.run.stabilisation
                 task = Task(experiment.mode, walker, forms, tuple(solvers), integrator, settings, stabilisation)
                 tasks.append(task)
     return tasks
-
-
-def _walks(task: Task) -> int:
-    """Number of walks of a task, for the progress bar."""
-    if task.mode == "free":
-        return sum(1 if spec.name == MUJOCO else len(task.forms) for spec in task.solvers)
-    return 1

@@ -13,7 +13,7 @@ from oarlock.base.files import uninterrupted
 from oarlock.cases.case import load_case
 from oarlock.experiments.laboratory import STEPPINGS, Laboratory
 from oarlock.experiments.outcome import Results, case_document, describe, expectations
-from oarlock.experiments.plan import Request, _walks, plan
+from oarlock.experiments.plan import Request, plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables.aggregate import judge, summarise
@@ -102,7 +102,7 @@ def run(
             f"timestep = {setup.timestep_s:g} s is longer than the duration of {case.file.run.duration_s:g} s, "
             "expected at least one step"
         )
-    progress.begin(setup.steps * sum(_walks(task) for task in tasks))
+    progress.begin(setup.steps * sum(len(task.walks()) for task in tasks))
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
     results = Results(case, provenance={**inputs(case), **ignored, **occasion()})

@@ -1,17 +1,18 @@
-"""A task of an experiment, and the keys of its runs."""
+"""A task of an experiment, its walks, and the keys of their runs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from oarlock.cases.case_file import Form, Integrator, Mode, Stabilisation
+from oarlock.cases.case_file import Form, Integrator, ModeName, Stabilisation
+from oarlock.experiments.modes import MODES, Answer
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.schema import RunKey
 
 
 @dataclass(frozen=True)
 class Task:
-    """Every form × solver it names, answered along one walk (in a free run each walks alone)."""
+    """Every form × solver that an experiment names, under one integrator and one setting of MuJoCo."""
 
-    mode: Mode
+    mode: ModeName
     walker: SolverSpec
     forms: tuple[Form, ...]
     solvers: tuple[SolverSpec, ...]
@@ -19,22 +20,63 @@ class Task:
     settings: str
     stabilisation: Stabilisation = "baumgarte"
 
+    def walks(self) -> "tuple[Walk, ...]":
+        """Its walks, in the order in which they are taken."""
+        return tuple(Walk(self._of(answers), tuple(answers)) for answers in MODES[self.mode].walks(self))
 
-def run_key(
-    case: str, task: Task, solver: str, form: Form | None, timestep_s: float, steps: int, stepping: str = "python"
-) -> RunKey:
-    """The key of one of the runs of a task."""
-    exact = form == "hard" or (task.mode == "lockstep" and task.walker.name != MUJOCO)
-    return RunKey(
-        case=case,
-        mode=task.mode,
-        walker=solver if task.mode == "free" else str(task.walker),
-        solver=solver,
-        form=form,
-        integrator=task.integrator,
-        settings=task.settings,
-        stepping="mujoco" if (task.mode, solver) == ("free", MUJOCO) else stepping,
-        timestep_s=timestep_s,
-        steps=steps,
-        stabilisation=task.stabilisation if exact else None,
-    )
+    def _of(self, answers: list[Answer]) -> "Task":
+        """The task with only those who answer along one of its walks."""
+        forms = tuple(dict.fromkeys(form for _, form in answers if form))
+        solvers = tuple(dict.fromkeys(solver for solver, _ in answers))
+        return replace(self, solvers=solvers, forms=forms or self.forms[:1])
+
+    @property
+    def projected(self) -> bool:
+        """Whether every step of a walk of this task ends in a projection to the constraints."""
+        return self.stabilisation != "baumgarte" and MODES[self.mode].walked_in(self) == "hard"
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One walk of a task: a trajectory, and a run for each who answers along it.
+
+    Attributes:
+        task: the task, with only those who answer here.
+        answers: solver and form of every run, in the order of their tables.
+    """
+
+    task: Task
+    answers: tuple[Answer, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the runs, which tell them apart within a case."""
+        return tuple(key.slug for key in self.keys("", 0.0, 0))
+
+    def keys(self, case: str, timestep_s: float, steps: int, stepping: str = "python") -> tuple[RunKey, ...]:
+        """The keys of the runs.
+
+        Args:
+            case: name of the case.
+            timestep_s: timestep, s.
+            steps: number of steps.
+            stepping: name of the path that steps.
+        """
+        task, mode = self.task, MODES[self.task.mode]
+        exact = mode.walked_in(task) == "hard"
+        return tuple(
+            RunKey(
+                case=case,
+                mode=task.mode,
+                walker=str(solver if mode.alone else task.walker),
+                solver=str(solver),
+                form=form,
+                integrator=task.integrator,
+                settings=task.settings,
+                stepping=MUJOCO if mode.alone and solver.name == MUJOCO else stepping,
+                timestep_s=timestep_s,
+                steps=steps,
+                stabilisation=task.stabilisation if exact or form == "hard" else None,
+            )
+            for solver, form in self.answers
+        )
