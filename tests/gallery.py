@@ -10,8 +10,8 @@ import numpy as np
 from mechanisms import setup_of
 from oarlock.cases.case import Case, load_case
 from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.runs.controls import written_out
-from oarlock.diagnosis.wish import Wish
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import INTEGRATORS
 from oarlock.stepping.start import ConsistentStart, consistent_start
@@ -52,7 +52,7 @@ def at_start(name: str) -> tuple[Case, mujoco.MjModel, ConsistentStart, mujoco.M
     return case, model, start, data
 
 
-def looked_at(file: Path | str, wish: Wish, **options: Any) -> Any:
+def looked_at(file: Path | str, wish: CheckOptions, **options: Any) -> Any:
     """All parts of an examination, of a model whose options of MuJoCo were changed by name first."""
     found = begin(str(file), wish)
     for option, value in options.items():

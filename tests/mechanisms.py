@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from oarlock.cases.case import MODELS, Case, load_case
 from oarlock.cases.case_file import CaseFile
+from oarlock.cases.conditions import Conditions
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.stepping.prepared import PreparedCase
 
@@ -145,7 +146,7 @@ def setup_of(
     case: Case, integrator: Any = "rk4", timestep_s: float | None = None, duration_s: float = 0.2
 ) -> PreparedCase:
     """A case prepared for a run."""
-    return Laboratory(case, timestep_s, duration_s, lambda steps: None).setup(integrator)
+    return Laboratory(case, Conditions(timestep_s, duration_s)).setup(integrator)
 
 
 def reference_script(model: str) -> ModuleType:

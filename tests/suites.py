@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 from mechanisms import COMMAND, four_bar, write_model
-from oarlock.batch.suite import Listener, carry_out, plan_suite
+from oarlock.base.progress import Progress
+from oarlock.batch.suite import carry_out, plan_suite
 from oarlock.batch.unit import run_unit
 from oarlock.tables.folder import ResultFolder
 
@@ -40,13 +41,29 @@ KILL = "os.kill(os.getpid(), signal.SIGKILL)"
 KILL_ONCE = f"(HERE.parent / 'was_here').exists() or ((HERE.parent / 'was_here').touch(), {KILL})"
 
 
-class Counter(Listener):
+class Heard(Progress):
+    """All that was heard of some work."""
+
+    def __init__(self):
+        self.ahead, self.done, self.names = 0, 0, []
+
+    def begin(self, what, total, kept=0):
+        self.ahead, self.done = total, kept
+
+    def advance(self, count):
+        self.done += count
+
+    def finished(self, label, seconds=None, message=""):
+        self.names.append(label)
+
+
+class Counter(Progress):
     """Which units were done, and what was said of them."""
 
     def __init__(self):
         self.said = {}
 
-    def finished(self, label, seconds, message):
+    def finished(self, label, seconds=None, message=""):
         self.said[label] = message
 
 

@@ -44,7 +44,7 @@ def require_start(case: Case) -> None:
 
 def require_matched(case: Case) -> None:
     timestep = case.file.run.timestep_s or load_model(case.model_path, case.parameters).opt.timestep
-    results = run(case.name, mode="lockstep", form="matched", solver="pinv", duration_s=STEPS * timestep)
+    results = run(case.name, mode="lockstep", form="matched", solver="pinv", duration=STEPS * timestep)
     row = only(results.rows, mode="lockstep")
     assert (row["status"], row["steps_done"]) == ("done", STEPS)
     assert row["qacc_rel_diff_max"] <= LOCKSTEP_PARITY

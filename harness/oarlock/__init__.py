@@ -5,7 +5,7 @@ between two folders of them, ``check`` why the loops of a file come apart and wh
 
     >>> import oarlock
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
-    >>> results = oarlock.run("boat", mode="free", duration_s=1.0)
+    >>> results = oarlock.run("boat", mode="free", duration=1.0)
     >>> results.summary, results.steps
 """
 

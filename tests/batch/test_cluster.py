@@ -123,7 +123,7 @@ def test_a_killed_worker_loses_only_what_it_had_in_work(tiny, tmp_path, counted,
 def test_units_that_kill_their_workers_fail_by_themselves(tiny, tmp_path, counted, cluster):
     killer = python_model(tmp_path / "killer", KILL, TWO)
     heard = Counter()
-    suite = carried_out([killer, tiny], tmp_path / "out", cluster, listener=heard)
+    suite = carried_out([killer, tiny], tmp_path / "out", cluster, progress=heard)
     killed, whole = suite.members
     assert {str(why) for why in killed.ledger.failures().values()} == {"failed: its worker died, twice"}
     assert len(killed.ledger.failures()) == 2
@@ -236,7 +236,7 @@ def test_a_scheduler_that_dies_ends_the_suite(tmp_path):
     suite = plan_suite([str(long)], tmp_path / "out")
 
     class Listener(Counter):
-        def finished(self, label, seconds, message):
+        def finished(self, label, seconds=None, message=""):
             super().finished(label, seconds, message)
             process.kill()
 
@@ -247,7 +247,7 @@ def test_a_scheduler_that_dies_ends_the_suite(tmp_path):
         closing(Cluster(address, None, silent)) as workers,
         pytest.raises(LostError, match=f"scheduler {address}: the scheduler is gone"),
     ):
-        carry_out(suite, workers, listener=heard)
+        carry_out(suite, workers, progress=heard)
     assert 1 <= len(heard.said) < UNITS
     assert len(suite.members[0].ledger.entries) == len(heard.said)
 

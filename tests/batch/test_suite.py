@@ -191,7 +191,7 @@ def test_a_model_that_fails_stops_no_other(tiny, tmp_path, workers):
 def test_a_killed_worker_takes_only_its_unit(tiny, tmp_path, workers):
     killer = python_model(tmp_path / "killer", KILL)
     heard = Counter()
-    suite = carried_out([killer, tiny], tmp_path / "out", workers, listener=heard)
+    suite = carried_out([killer, tiny], tmp_path / "out", workers, progress=heard)
     killed, whole = suite.members
     assert len(killed.ledger.failures()) == UNITS
     assert {why.status for why in killed.ledger.failures().values()} == {"failed"}

@@ -278,7 +278,7 @@ def test_unknown_models(name, tmp_path, monkeypatch):
 def test_case_without_its_model(tmp_path):
     (tmp_path / "case.toml").write_text(TITLE)
     with pytest.raises(InputError, match=r"no model file '.*model\.xml'"):
-        run(Path(tmp_path), duration_s=0.01)
+        run(Path(tmp_path), duration=0.01)
 
 
 # Parametrised models.
@@ -443,7 +443,7 @@ def test_gates_are_held_for_listed_parameters_only(parametrised):
 @pytest.mark.parametrize(("expected", "held"), [("not unique", False), ("unique", True)])
 def test_expected_reactions_are_held_against_the_model(tmp_path, expected, held):
     write_model(tmp_path / "bar", four_bar(), f'{TITLE}[expect]\nreactions = "{expected}"\n')
-    results = run(tmp_path / "bar", mode="free", solver="pinv", duration_s=0.01)
+    results = run(tmp_path / "bar", mode="free", solver="pinv", duration=0.01)
     (verdict,) = results.verdicts
     assert (verdict.value, verdict.held) == ("unique", held)
     assert f"reactions = unique of start, expected {expected}" in verdict.line()

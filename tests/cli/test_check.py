@@ -10,6 +10,7 @@ import polars as pl
 import pytest
 from oarlock.diagnosis.examination import PARTS
 from places import FIXTURES, REPOSITORY
+from suites import Heard
 
 CHECKED = FIXTURES / "check"
 GRIPPER = CHECKED / "gripper_2f" / "gripper_2f.xml"
@@ -135,9 +136,9 @@ def test_a_mistake_is_one_line(oarlock_here, arguments, expected):
 
 
 def test_from_python():
-    parts = []
-    checked = oarlock.check(GRIPPER, budget_s=0, duration_s=0.2, progress=lambda part, _: parts.append(part))
-    assert parts == list(PARTS)
+    heard = Heard()
+    checked = oarlock.check(GRIPPER, budget=0, duration=0.2, progress=heard)
+    assert (heard.ahead, heard.done, heard.names) == (len(PARTS), len(PARTS), list(PARTS))
     assert checked.findings.columns == ["severity", "code", "name", "element", "line"]
     assert set(checked.drift["level"]) == {"position", "velocity", "acceleration"}
     by_equality = checked.causes.group_by("equality").agg(pl.col("share").sum())

@@ -296,7 +296,7 @@ def test_two_timesteps_for_real(results, tmp_path):
     """The drift of exact constraints under Runge–Kutta grows with the fourth power of the timestep."""
     case = results.parent / "tiny"
     for name, timestep in (("fine", 1e-3), ("coarse", 4e-3)):
-        oarlock.run(case, mode="free", form="hard", solver=["pinv", "mujoco"], timestep_s=timestep, out=tmp_path / name)
+        oarlock.run(case, mode="free", form="hard", solver=["pinv", "mujoco"], timestep=timestep, out=tmp_path / name)
     found = oarlock.diff(tmp_path / "fine", tmp_path / "coarse")
     assert found.matched == 3
     (drift,) = [one for one in found.worse if (one.run, one.figure) == ("free-hard-pinv-rk4", "drift_pos_max")]

@@ -10,6 +10,7 @@ import pytest
 from gallery import looked_at, piece
 from oarlock import model_names
 from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.runs.recipe import STIFF_SOLIMP, deadbeat
 from oarlock.diagnosis.runs.recording import record
 from oarlock.diagnosis.runs.row_law import HOLDS
@@ -17,7 +18,6 @@ from oarlock.diagnosis.runs.trials import Setting, Start, run_trial
 from oarlock.diagnosis.runs.versions import without_curvature
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.diagnosis.verdict.verdicts import judge
-from oarlock.diagnosis.wish import Wish
 from places import FIXTURES
 
 DURATION_S = {"andrews_squeezer": 0.03}
@@ -35,8 +35,10 @@ FLAT_S, FLAT = 0.7143555293, 1e-3
 
 def examined(name: str, duration_s: float | None = None, target: float = 1e-6, **changes) -> Any:
     """An examination with another integrator or timestep, or options of MuJoCo changed by name."""
-    asked = {key: changes.pop(key) for key in ("integrator", "timestep_s") if key in changes}
-    return looked_at(name, Wish(duration_s=duration_s or DURATION_S.get(name, 1.0), target=target, **asked), **changes)
+    asked = {key: changes.pop(key) for key in ("integrator", "timestep") if key in changes}
+    return looked_at(
+        name, CheckOptions(duration=duration_s or DURATION_S.get(name, 1.0), target=target, **asked), **changes
+    )
 
 
 @cache
@@ -134,7 +136,7 @@ def test_fast_four_bar_by_time_stepping_and_without_curvature():
     assert one.figures["share_stepping"] > 1.0
     assert "rk4 in place of euler" in only(findings, "T1").line
     assert only(findings, "V1").figures["without"] > 10 * one.figures["drift_m"]
-    half = examined("four_bar", 2.0, integrator="euler", timestep_s=5e-4)
+    half = examined("four_bar", 2.0, integrator="euler", timestep=5e-4)
     stepping = [exam.attribution.worst.parts["stepping"] for exam in (found, half)]
     assert abs(stepping[1]) < 0.6 * abs(stepping[0])
 
@@ -146,7 +148,7 @@ def test_four_bar_under_implicitfast_has_no_damping_to_blame():
 
 
 def test_gear_train_by_missing_curvature():
-    found = examined("gear_train", integrator="euler", timestep_s=1e-3)
+    found = examined("gear_train", integrator="euler", timestep=1e-3)
     one = only(judge(found), "D2")
     assert one.element == "direct_mesh"
     assert one.figures["also"] == ["first_mesh"]
@@ -156,7 +158,7 @@ def test_gear_train_by_missing_curvature():
 
 def test_welded_frame_by_an_inertia_that_is_judged_wrongly():
     """365 times on check.md's frame; this one's rotation rows are 8 times too soft."""
-    found = examined("welded_frame", integrator="euler", timestep_s=1e-3)
+    found = examined("welded_frame", integrator="euler", timestep=1e-3)
     findings = judge(found)
     assert only(findings, "D1").figures["share_compliance"] == pytest.approx(1.0, abs=0.01)
     ratio = only(findings, "D5").figures["ratio"]
@@ -230,7 +232,7 @@ def test_a_target_that_cannot_be_reached_says_what_stands_in_the_way():
 
 def test_a_disturbed_start_that_asks_for_more_is_told():
     file = FIXTURES / "check" / "biped_leg" / "leg.xml"
-    found = begin(str(file), Wish())
+    found = begin(str(file), CheckOptions())
     for _ in examine(found):
         pass
     assert found.recipe

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from mechanisms import four_bar, only, reference_script, setup_of, write_model
 from oarlock import load_case, run
+from oarlock.cases.conditions import Conditions
 from oarlock.cases.truth import load_truth
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.stepping.question import SolvedForce
@@ -48,7 +49,7 @@ def test_the_exact_run_comes_to_the_truth_with_the_order_of_the_integrator(name)
     """Any difference of mass, geometry or J̇v from the reference's would stay when the step shrinks."""
     errors = []
     for timestep in (2e-3, 1e-3):
-        results = run(name, mode="free", form="hard", solver="pinv", timestep_s=timestep, duration_s=1.0)
+        results = run(name, mode="free", form="hard", solver="pinv", timestep=timestep, duration=1.0)
         errors.append(only(results.rows, mode="free")["truth_error_max"])
     assert RK4_ORDER_LOW <= errors[0] / errors[1] <= RK4_ORDER_HIGH
 
@@ -56,7 +57,7 @@ def test_the_exact_run_comes_to_the_truth_with_the_order_of_the_integrator(name)
 def stiff_drift(name, restored):
     """Largest deviation in 1 s of MuJoCo's stiff question, as it is or with the J̇v that it leaves out; and J̇v/(K d)."""
     case = load_case(name)
-    setup = Laboratory(case, None, 1.0, lambda steps: None).setup("rk4", "stiff")
+    setup = Laboratory(case, Conditions(duration_s=1.0)).setup("rk4", "stiff")
     data = setup.data()
     state = State(setup.model, data, case.file.baumgarte)
     if restored:
@@ -83,7 +84,7 @@ def test_what_the_missing_curvature_costs(name):
 def test_the_gear_of_the_gripper_carries_half_the_torque():
     """Mirror images move alike, so that each finger gets half: λ = τ/2, with no engine's help."""
     case = load_case("gripper")
-    results = run("gripper", mode="free", form="hard", solver="pinv", duration_s=1.0)
+    results = run("gripper", mode="free", form="hard", solver="pinv", duration=1.0)
     (steps,) = [steps for row, steps in zip(results.rows, results.frames, strict=True) if row["mode"] == "free"]
     multipliers = np.array(steps["multipliers"].to_list())[:, -1]  # the gear is the last equality, of one row
     torque = np.array([case.file.drive.laws()["motor"].at(time) for time in steps["time_s"]])
@@ -96,8 +97,8 @@ def test_runs_of_a_model_with_a_row_that_mujoco_drops(tmp_path):
     rest = """<worldbody><site name="p" pos="1 0 0"/><site name="q" pos="2 0 0"/></worldbody>
       <tendon><spatial name="still"><site site="p"/><site site="q"/></spatial></tendon>
       <equality><tendon name="nothing" tendon1="still"/></equality>"""
-    found = run(write_model(tmp_path / "with", four_bar(rest=rest)), mode="all", solver="pinv", duration_s=0.1)
-    plain = run(write_model(tmp_path / "without", four_bar()), mode="all", solver="pinv", duration_s=0.1)
+    found = run(write_model(tmp_path / "with", four_bar(rest=rest)), mode="all", solver="pinv", duration=0.1)
+    plain = run(write_model(tmp_path / "without", four_bar()), mode="all", solver="pinv", duration=0.1)
     names = ["run", "status", "drift_pos_max", "qacc_rel_diff_max", "trajectory_diff_max", "rank_max"]
     assert [[row[name] for name in names] for row in found.rows] == [
         [row[name] for name in names] for row in plain.rows

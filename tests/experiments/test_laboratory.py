@@ -44,7 +44,7 @@ def qpos(results, mode, **where):
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_lockstep_parity(integrator):
-    results = run("boat", mode="lockstep", form="matched", solver="pinv", integrator=integrator, duration_s=1.0)
+    results = run("boat", mode="lockstep", form="matched", solver="pinv", integrator=integrator, duration=1.0)
     row = only(results.rows, mode="lockstep")
     assert (row["status"], row["steps_done"], row["solves"]) == ("done", 1000, 1000)
     assert row["qacc_rel_diff_max"] <= LOCKSTEP_PARITY
@@ -54,20 +54,20 @@ def test_lockstep_parity(integrator):
 
 def test_lockstep_parity_off_mujocos_own_path():
     """At the states of the exact walk MuJoCo's own answer is matched too, and asking it does not disturb the walk."""
-    lockstep = run("boat", mode="lockstep", walker="pinv", solver="pinv", duration_s=0.3)
+    lockstep = run("boat", mode="lockstep", walker="pinv", solver="pinv", duration=0.3)
     row = only(lockstep.rows, mode="lockstep", form="matched")
     assert row["qacc_rel_diff_max"] <= LOCKSTEP_PARITY
     assert row["qfrc_constraint_rel_diff_max"] <= LOCKSTEP_PARITY
     hard = only(lockstep.rows, mode="lockstep", form="hard")
     assert hard["qacc_rel_diff_max"] > SOFTNESS_SHOWS
     assert hard["qfrc_constraint_rel_diff_max"] > SOFTNESS_SHOWS
-    free = run("boat", mode="free", form="hard", solver="pinv", duration_s=0.3)
+    free = run("boat", mode="free", form="hard", solver="pinv", duration=0.3)
     np.testing.assert_array_equal(qpos(lockstep, "lockstep", form="hard"), qpos(free, "free"))
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_matched_free_run_is_mujocos(integrator):
-    results = run("boat", mode="free", form="matched", solver="pinv", integrator=integrator, duration_s=1.0)
+    results = run("boat", mode="free", form="matched", solver="pinv", integrator=integrator, duration=1.0)
     row = only(results.rows, mode="free")
     assert (row["status"], row["steps_done"]) == ("done", 1000)
     assert row["trajectory_diff_max"] <= FREE_PARITY
@@ -75,7 +75,7 @@ def test_matched_free_run_is_mujocos(integrator):
 
 @pytest.mark.parametrize("integrator", ["euler", "rk4"])
 def test_matched_single_steps_are_mujocos(integrator):
-    results = run("boat", mode="one-step", solver="pinv", integrator=integrator, duration_s=0.3)
+    results = run("boat", mode="one-step", solver="pinv", integrator=integrator, duration=0.3)
     matched = only(results.rows, mode="one-step", form="matched")
     hard = only(results.rows, mode="one-step", form="hard")
     assert matched["trajectory_diff_max"] <= CALIBRATION
@@ -87,7 +87,7 @@ def test_matched_single_steps_are_mujocos(integrator):
 
 
 def test_hard_free_run_stays_closed():
-    results = run("boat", mode="free", solver=["pinv", "mujoco"], duration_s=1.0)
+    results = run("boat", mode="free", solver=["pinv", "mujoco"], duration=1.0)
     exact = only(results.rows, mode="free", form="hard", solver="pinv")
     theirs = only(results.rows, mode="free", solver="mujoco")
     assert exact["drift_pos_max"] <= HARD_DRIFT
@@ -110,7 +110,7 @@ def test_exact_constraints_do_no_work(tmp_path):
 def test_energy_is_not_reported_of_what_does_not_keep_it(tmp_path, changes):
     motor = '<actuator><motor name="motor" joint="crank"/></actuator>'
     changes = {"rest": motor} if changes == {"rest": None} else changes
-    results = run(write_model(tmp_path, four_bar(**changes)), mode="free", solver="pinv", duration_s=0.02)
+    results = run(write_model(tmp_path, four_bar(**changes)), mode="free", solver="pinv", duration=0.02)
     assert [row["energy_drift_rel"] for row in results.rows] == [None] * 3
 
 
@@ -136,7 +136,7 @@ def test_duplicated_equality_changes_nothing(tmp_path, solver, tolerance):
 
 
 def test_sr1_does_not_converge_on_contradicting_rows():
-    results = run("boat", mode="lockstep", form="hard", solver="sr1", integrator="euler", duration_s=0.2)
+    results = run("boat", mode="lockstep", form="hard", solver="sr1", integrator="euler", duration=0.2)
     row = only(results.rows, mode="lockstep")
     assert row["status"] == "unconverged"
     assert 0 < row["unconverged"] <= row["solves"] == 200
@@ -181,7 +181,7 @@ def test_every_gate_of_the_boat_holds(boat_run):
 
 @pytest.mark.parametrize("timestep_s", [0.5, 0.1])
 def test_divergence_is_a_result(timestep_s):
-    results = run("boat", solver=["pinv", "sr1", "mujoco"], mode="free", timestep_s=timestep_s, duration_s=12.0)
+    results = run("boat", solver=["pinv", "sr1", "mujoco"], mode="free", timestep=timestep_s, duration=12.0)
     assert len(results.rows) == 6
     for row, frame in zip(results.rows, results.frames, strict=True):
         assert row["status"] == "diverged"
@@ -196,7 +196,7 @@ def test_stiff_baumgarte_diverges(tmp_path):
     """k dt² = 100 is far beyond the stability of any explicit method."""
     toml = 'title = "stiff"\nstart.qpos.crank = 1.0\nbaumgarte = {beta = 1000.0, k = 2.5e7}\nrun.duration_s = 2.0'
     path = write_model(tmp_path, four_bar(), toml)
-    results = run(path, mode="free", solver=["pinv", "mujoco"], form="hard", integrator="euler", timestep_s=2e-3)
+    results = run(path, mode="free", solver=["pinv", "mujoco"], form="hard", integrator="euler", timestep=2e-3)
     assert only(results.rows, mode="free", solver="mujoco")["status"] == "done"
     assert only(results.rows, mode="free", solver="pinv")["status"] == "diverged"
 
@@ -227,7 +227,7 @@ settings = ["stiff", "default"]
 
 def test_solver_named_twice_runs_once_or_is_refused():
     try:
-        results = run("boat", solver=["pinv", "pinv"], mode="lockstep", form="hard", duration_s=0.01)
+        results = run("boat", solver=["pinv", "pinv"], mode="lockstep", form="hard", duration=0.01)
     except InputError as error:
         message = str(error)
     else:

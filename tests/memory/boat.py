@@ -12,7 +12,7 @@ for mode in ("lockstep", "one-step", "free"):
         form="both",
         solver=["auto", "sr1-tracked"],
         stabilisation="both",
-        duration_s=0.02,
+        duration=0.02,
         stepping="native",
     )
     assert all(row["steps_done"] == 20 for row in results.rows)

@@ -39,7 +39,7 @@ def boat_report(boat_run, tmp_path_factory):
 def small(tmp_path_factory):
     """Results that are soon reported: a four-bar, no truth, no gates, one solver."""
     folder = tmp_path_factory.mktemp("small")
-    run(write_model(folder / "bar", four_bar()), mode="free", solver="pinv", duration_s=0.02, out=folder / "results")
+    run(write_model(folder / "bar", four_bar()), mode="free", solver="pinv", duration=0.02, out=folder / "results")
     return folder / "results"
 
 
@@ -130,9 +130,7 @@ def test_units_are_those_of_the_rows_and_of_the_truth(tmp_path):
     """A gear train has angles in its rows and in its truth; a slider-crank is known by a slide, in m."""
     rows = {"gear_train": ("rad", "rad/s", "rad"), "spatial_slider_crank": ("m", "m/s", "m")}
     for name, (unit, rate_unit, truth_unit) in rows.items():
-        results = run(
-            name, mode="free", solver="pinv", stabilisation="projection", duration_s=0.01, out=tmp_path / name
-        )
+        results = run(name, mode="free", solver="pinv", stabilisation="projection", duration=0.01, out=tmp_path / name)
         text = (write_report(tmp_path / name, tmp_path / "report" / name) / "README.md").read_text(encoding="utf-8")
         row = only(results.rows, mode="free", form="hard")
         (said,) = [line for line in text.splitlines() if line.startswith("**Projection.**")]
@@ -322,7 +320,7 @@ max = 1.0
 cause = "a | b {HOSTILE}"
 """
     results = folder / "results"
-    run(write_model(folder / "a | b <i>", xml, toml), mode="free", solver="pinv", duration_s=0.02, out=results)
+    run(write_model(folder / "a | b <i>", xml, toml), mode="free", solver="pinv", duration=0.02, out=results)
     return write_report(results, folder / "report")
 
 
@@ -364,7 +362,7 @@ def test_names_stay_text_in_drawings(hostile):
 
 def test_one_step_is_enough(tmp_path):
     path = write_model(tmp_path / "bar", four_bar())
-    results = run(path, duration_s=1e-9, walker="pinv", out=tmp_path / "results")
+    results = run(path, duration=1e-9, walker="pinv", out=tmp_path / "results")
     assert {row["steps_done"] for row in results.rows} == {1}
     write_report(tmp_path / "results", tmp_path / "report")
 
@@ -372,7 +370,7 @@ def test_one_step_is_enough(tmp_path):
 def test_diverged_runs_are_reported(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # its own test holds against the noise
-        run("boat", timestep_s=0.5, out=tmp_path / "results")
+        run("boat", timestep=0.5, out=tmp_path / "results")
     rows = ResultFolder(tmp_path / "results").read_json("summary.json")["runs"]
     assert {row["status"] for row in rows} == {"diverged"}
     text = (write_report(tmp_path / "results", tmp_path / "report") / "README.md").read_text(encoding="utf-8")

@@ -218,7 +218,7 @@ def test_timestep_follows_the_motion(tmp_path, monkeypatch, speed, halvings):
     assert found.found.own_timestep is not bool(halvings)
     paths = []
     for timestep in (0.002, 0.001, 0.0005):
-        results = run(folder, mode="free", form="hard", solver="pinv", timestep_s=timestep, duration_s=0.2)
+        results = run(folder, mode="free", form="hard", solver="pinv", timestep=timestep, duration=0.2)
         frame = results.frames[-1]
         paths.append(np.array(frame["qpos"].to_list())[:: round(0.002 / timestep)])
     changes = [float(np.abs(paths[k] - paths[k + 1]).max()) for k in range(2)]

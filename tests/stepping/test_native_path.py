@@ -14,6 +14,7 @@ import pytest
 from mechanisms import TANGLE, case_of, four_bar, write_model
 from oarlock import InputError, run
 from oarlock.cases.case import Case, load_case, model_names, variant_names
+from oarlock.cases.conditions import Conditions
 from oarlock.experiments.laboratory import Laboratory, Stepping
 from oarlock.experiments.task import Task
 from oarlock.mechanics.load import collected_warnings
@@ -54,7 +55,7 @@ EVERY_KIND = [
 
 def walked(case: Case, task: Task, steps: int, stepping: Stepping) -> list[tuple[str, str, pl.DataFrame]]:
     timestep_s = case.file.run.timestep_s or 2e-3
-    laboratory = Laboratory(case, timestep_s, steps * timestep_s, lambda steps: None, stepping=stepping)
+    laboratory = Laboratory(case, Conditions(timestep_s, steps * timestep_s), stepping=stepping)
     return [(result.status, result.message, result.steps.frame().drop(TIMES)) for result in laboratory.run(task)]
 
 
@@ -146,7 +147,7 @@ def test_refusals_are_the_same(tmp_path, what, integrator):
                 form="hard",
                 solver=["auto"],
                 integrator=integrator,
-                duration_s=1.0,
+                duration=1.0,
                 stepping=stepping,
             )
         said.append(str(raised.value))
@@ -172,7 +173,7 @@ def test_sparse_jacobians_give_the_same_run():
     assert native_path.refusal() == ""
     found = []
     for jacobian in (mujoco.mjtJacobian.mjJAC_DENSE, mujoco.mjtJacobian.mjJAC_SPARSE):
-        setup = Laboratory(case, None, 0.3, lambda steps: None).setup("rk4")
+        setup = Laboratory(case, Conditions(duration_s=0.3)).setup("rk4")
         setup.model.opt.jacobian = jacobian
         (table,) = core_run(setup).tables()
         found.append(table["qpos"].values)

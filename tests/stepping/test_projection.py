@@ -225,7 +225,7 @@ def test_projected_boat_stays_closed(integrator):
         solver="sr1-tracked",
         integrator=integrator,
         stabilisation="projection",
-        duration_s=0.5,
+        duration=0.5,
     )
     row = only(results.rows, mode="free")
     assert row["run"] == f"free-hard-sr1-tracked-projection-{integrator}"
@@ -244,7 +244,7 @@ def test_projected_boat_stays_closed(integrator):
 def test_both_stabilises_twice_and_baumgarte_not_by_projection():
     rows = {}
     for stabilisation in ("baumgarte", "projection", "both"):
-        results = run("boat", mode="free", form="hard", solver="pinv", stabilisation=stabilisation, duration_s=0.3)
+        results = run("boat", mode="free", form="hard", solver="pinv", stabilisation=stabilisation, duration=0.3)
         rows[stabilisation] = only(results.rows, mode="free")
     assert rows["baumgarte"]["run"] == "free-hard-pinv-rk4"
     assert rows["both"]["run"] == "free-hard-pinv-both-rk4"
@@ -257,26 +257,24 @@ def test_projection_has_no_baumgarte_terms(tmp_path):
     """k dt² = 100 diverges with Baumgarte's terms (another test); without them it does not matter what they are."""
     toml = 'title = "stiff"\nstart.qpos.crank = 1.0\nbaumgarte = {beta = 1000.0, k = 2.5e7}\nrun.duration_s = 0.5'
     path = write_model(tmp_path, four_bar(), toml + '\nrun.stabilisation = "projection"')
-    results = run(path, mode="free", solver="pinv", form="hard", integrator="euler", timestep_s=2e-3)
+    results = run(path, mode="free", solver="pinv", form="hard", integrator="euler", timestep=2e-3)
     row = only(results.rows, mode="free")
     assert (row["status"], row["stabilisation"]) == ("done", "projection")  # the case's, for none was asked for
     assert row["drift_pos_max"] <= CLOSED
-    asked = run(
-        path, mode="free", solver="pinv", form="hard", integrator="euler", timestep_s=2e-3, stabilisation="both"
-    )
+    asked = run(path, mode="free", solver="pinv", form="hard", integrator="euler", timestep=2e-3, stabilisation="both")
     assert only(asked.rows, mode="free")["stabilisation"] == "both"
 
 
 def test_stabilisation_of_every_kind_of_run():
     """Where nothing is stabilised there is none; a single step is never projected, a hard walker is."""
-    results = run("boat", solver=["pinv", "mujoco"], stabilisation="projection", duration_s=0.02)
+    results = run("boat", solver=["pinv", "mujoco"], stabilisation="projection", duration=0.02)
     assert {row["mode"] for row in results.rows} == {"calibration", "lockstep", "one-step", "free"}
     for row in results.rows:
         hard = row["form"] == "hard"
         assert row["stabilisation"] == ("projection" if hard else None)
         assert ("projection" in row["run"]) == hard
         assert (row["projection_rounds_max"] is not None) == (hard and row["mode"] == "free")
-    walked = run("boat", mode="lockstep", walker="pinv", solver="pinv", stabilisation="projection", duration_s=0.2)
+    walked = run("boat", mode="lockstep", walker="pinv", solver="pinv", stabilisation="projection", duration=0.2)
     for form in ("matched", "hard"):
         row = only(walked.rows, mode="lockstep", form=form)
         assert row["stabilisation"] == "projection"
@@ -302,7 +300,7 @@ stabilisation = "baumgarte"
 def test_projections_that_do_not_land_are_a_status():
     """At 0.1 s Euler's steps lead so far away that there is no way back that is not a jump."""
     results = run(
-        "boat", mode="free", form="hard", solver="pinv", integrator="euler", stabilisation="projection", timestep_s=0.1
+        "boat", mode="free", form="hard", solver="pinv", integrator="euler", stabilisation="projection", timestep=0.1
     )
     row, steps = only(results.rows, mode="free"), results.frames[-1]
     assert row["status"] in ("unprojected", "diverged")
@@ -323,7 +321,7 @@ qvel = { crank = 3.0, coupler = -3.0, rocker = 3.0 }
     path = write_model(tmp_path, parallelogram(), toml)
     rows, paths = {}, {}
     for stabilisation in ("projection", "baumgarte"):
-        results = run(path, mode="free", form="hard", solver=solver, timestep_s=2e-3, stabilisation=stabilisation)
+        results = run(path, mode="free", form="hard", solver=solver, timestep=2e-3, stabilisation=stabilisation)
         rows[stabilisation] = only(results.rows, mode="free")
         paths[stabilisation] = np.array(results.frames[-1]["qpos"].to_list())
     projected, turned = rows["projection"], paths["projection"]

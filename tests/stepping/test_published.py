@@ -31,7 +31,7 @@ def case_with(tmp_path, *published):
 def walked(tmp_path_factory):
     """The exact run of the four-bar without published values: steps, and the place of its site at every step."""
     folder = case_with(tmp_path_factory.mktemp("plain"))
-    steps = run(folder, mode="free", form="hard", solver="pinv", duration_s=DURATION + STEP).steps
+    steps = run(folder, mode="free", form="hard", solver="pinv", duration=DURATION + STEP).steps
     steps = steps.filter(steps["mode"] == "free")
     model = setup_of(load_case(folder)).model
     data = mujoco.MjData(model)
@@ -113,9 +113,9 @@ def test_mistaken_values_are_named(tmp_path, value, message):
 def test_another_timestep_leaves_values_out_that_it_does_not_meet(tmp_path):
     """What is no mistake of the case must not keep a user from trying a timestep."""
     values = [f"time_s = {time}\njoint = 'crank'\nposition = 0.0" for time in (0.002, 0.006)]
-    row = only(run(case_with(tmp_path, *values), timestep_s=0.003).rows, mode="free", solver="pinv")
+    row = only(run(case_with(tmp_path, *values), timestep=0.003).rows, mode="free", solver="pinv")
     assert row["published_position_error_max"] > 0
-    none = only(run(case_with(tmp_path, values[0]), timestep_s=0.003).rows, mode="free", solver="pinv")
+    none = only(run(case_with(tmp_path, values[0]), timestep=0.003).rows, mode="free", solver="pinv")
     assert none["published_position_error_max"] is None
 
 

@@ -5,6 +5,7 @@ import pytest
 from mechanisms import setup_of
 from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case import load_case
+from oarlock.cases.conditions import Conditions
 from oarlock.cases.case_file import Baumgarte
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.task import Task
@@ -82,7 +83,7 @@ def test_rows_do_not_know_of_one_another(monkeypatch, task):
     """However many of them become a table at once."""
 
     def walked():
-        laboratory = Laboratory(load_case("boat"), None, 0.05, lambda steps: None, stepping="python")
+        laboratory = Laboratory(load_case("boat"), Conditions(duration_s=0.05), stepping="python")
         return [result.steps.frame().drop(TIMES) for result in laboratory.run(task)]
 
     together = walked()
@@ -94,7 +95,7 @@ def test_rows_do_not_know_of_one_another(monkeypatch, task):
 
 @pytest.mark.parametrize("stepping", ["native", "python"])
 def test_beyond_its_end_the_truth_is_not_known(stepping):
-    laboratory = Laboratory(load_case("boat"), 5e-3, 12.1, lambda steps: None, stepping=stepping)
+    laboratory = Laboratory(load_case("boat"), Conditions(5e-3, 12.1), stepping=stepping)
     (result,) = laboratory.run(Task("free", MUJOCO, ("hard",), (SolverSpec("auto"),), "euler", "default"))
     errors = result.steps.frame()["truth_error"]
     assert errors.is_null().to_list() == [False] * 2401 + [True] * 19

@@ -213,7 +213,7 @@ def test_orientations_are_of_order_four():
 def test_runge_kutta_is_of_order_four():
     errors = []
     for timestep in (4e-3, 2e-3, 1e-3):
-        results = run("boat", mode="free", form="hard", solver="pinv", timestep_s=timestep, duration_s=0.4)
+        results = run("boat", mode="free", form="hard", solver="pinv", timestep=timestep, duration=0.4)
         errors.append(only(results.rows, mode="free")["truth_error_max"])
     coarse, middle, fine = errors
     assert RK4_ORDER_LOW < middle / fine < RK4_ORDER_HIGH
@@ -234,7 +234,7 @@ def test_activations_are_refused_with_rk4_only(tmp_path):
 
 
 def test_hook_is_gone_after_a_run():
-    run("boat", mode="free", solver="mujoco", duration_s=0.01)
+    run("boat", mode="free", solver="mujoco", duration=0.01)
     assert mujoco.get_mjcb_control() is None
 
 

@@ -55,7 +55,7 @@ CONTRACT = {
 def kept(tmp_path_factory):
     """A short run in every mode, kept in a folder."""
     folder = tmp_path_factory.mktemp("kept")
-    return run("boat", solver=["pinv", "sr1", "mujoco"], duration_s=0.02, out=folder), folder
+    return run("boat", solver=["pinv", "sr1", "mujoco"], duration=0.02, out=folder), folder
 
 
 def recorded(**columns):
@@ -199,15 +199,15 @@ def test_no_temporary_files_are_left(kept):
 
 
 def test_runs_of_an_earlier_summary_are_forgotten(tmp_path):
-    run("boat", mode="free", solver="mujoco", duration_s=0.002, out=tmp_path)
-    run("boat", mode="lockstep", form="hard", solver="pinv", duration_s=0.002, out=tmp_path)
+    run("boat", mode="free", solver="mujoco", duration=0.002, out=tmp_path)
+    run("boat", mode="lockstep", form="hard", solver="pinv", duration=0.002, out=tmp_path)
     names = sorted(path.stem for path in (tmp_path / "steps").iterdir())
     assert names == ["calibration-mujoco-rk4", "lockstep-hard-along-mujoco-pinv-rk4"]
 
 
 def test_file_names_tell_settings_apart(tmp_path):
     solvers = ["sr1", "sr1:eps_abs=1e-7", "sr1:eps_abs=1e-8", "sr1:eps_abs=1.0000001e-7"]
-    results = run("boat", mode="lockstep", form="hard", solver=solvers, duration_s=0.002, out=tmp_path)
+    results = run("boat", mode="lockstep", form="hard", solver=solvers, duration=0.002, out=tmp_path)
     assert len({row["run"] for row in results.rows}) == len(results.rows) == 5
     assert len(list((tmp_path / "steps").iterdir())) == 5
     assert not any(set(row["run"]) & set("/\\: ,=") for row in results.rows)
@@ -227,7 +227,7 @@ def test_file_names_tell_stabilisations_apart_and_keep_quiet_about_the_default()
 
 def test_nothing_is_written_without_a_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    results = run(write_model(tmp_path / "bar", four_bar()), mode="free", duration_s=0.01)
+    results = run(write_model(tmp_path / "bar", four_bar()), mode="free", duration=0.01)
     assert [path.name for path in tmp_path.iterdir()] == ["bar"]
     assert isinstance(results.steps, pl.DataFrame)
 
@@ -254,7 +254,7 @@ def test_a_file_in_place_of_the_folder(tmp_path):
     target = tmp_path / "taken"
     target.write_text("mine")
     with pytest.raises(InputError, match=r"cannot write '.*taken"):
-        run("boat", mode="free", solver="mujoco", duration_s=0.002, out=target)
+        run("boat", mode="free", solver="mujoco", duration=0.002, out=target)
     assert target.read_text() == "mine"
 
 

@@ -185,7 +185,7 @@ def test_a_run_on_disk_is_the_run_in_memory(tmp_path, tiny, monkeypatch, steppin
 
 
 def test_a_kept_run_is_read_from_where_it_is_kept(tmp_path, tiny):
-    results = run("boat", mode="free", solver="mujoco", duration_s=0.1, out=tmp_path)
+    results = run("boat", mode="free", solver="mujoco", duration=0.1, out=tmp_path)
     for row, frame in zip(results.rows, results.frames, strict=True):
         assert ResultFolder(tmp_path).read_steps(row["run"]).equals(frame, null_equal=True)
         ResultFolder(tmp_path).steps_path(row["run"]).unlink()
@@ -287,7 +287,7 @@ def test_condensed_tables_lose_no_peak(monkeypatch):
 
 
 def test_the_report_of_a_long_run(tmp_path, monkeypatch):
-    run("boat", duration_s=0.3, out=tmp_path / "in")
+    run("boat", duration=0.3, out=tmp_path / "in")
     whole = write_report(tmp_path / "in", tmp_path / "whole")
     monkeypatch.setattr(figures, "LONG", 100)
     monkeypatch.setattr(figures, "STRETCHES", 60)
@@ -421,10 +421,10 @@ work(3, sys.argv[2])
 
 WALKED = {
     "imports": "import oarlock",
-    "prepare": "oarlock.run('boat', mode='free', solver='auto', form='hard', timestep_s=1e-5, duration_s=0.2)",
+    "prepare": "oarlock.run('boat', mode='free', solver='auto', form='hard', timestep=1e-5, duration=0.2)",
     "work": """
 out = Path(sys.argv[2])
-rows = oarlock.run('boat', mode='free', solver='auto', form='hard', timestep_s=1e-6, duration_s=0.6, out=out).rows
+rows = oarlock.run('boat', mode='free', solver='auto', form='hard', timestep=1e-6, duration=0.6, out=out).rows
 rows = sum(row['steps_done'] for row in rows)
 """,
 }

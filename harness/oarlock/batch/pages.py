@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.progress import Progress
 from oarlock.batch import digest
-from oarlock.batch.suite import Listener
 from oarlock.batch.workers import Workers, dispatch
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.ledger import NAME, Ledger
@@ -75,7 +75,7 @@ def write_page(page: Page) -> str:
 
 
 def write_pages(
-    out: Path, cases: Sequence[Path], report: Path, workers: Workers, listener: Listener, *, every: bool
+    out: Path, cases: Sequence[Path], report: Path, workers: Workers, progress: Progress, *, every: bool
 ) -> list[str]:
     """Writes the pages of some cases and the summary, as far as they would change.
 
@@ -84,7 +84,7 @@ def write_pages(
         cases: folders of results of the cases.
         report: folder of the summary, which gets one folder per page.
         workers: workers that make the pages.
-        listener: is told of the progress.
+        progress: is told of the progress.
         every: whether these are all cases; if not, the summary includes the other cases in ``out``.
 
     Returns:
@@ -93,13 +93,13 @@ def write_pages(
     singles = [Page(path.name, (path,), report / path.name) for path in cases if (path / "sketch.json").is_file()]
     others = [] if every else [path.parent for path in out.glob(f"*/{NAME}")]
     known = sorted({path for path in (*cases, *others) if (path / NAME).is_file()}, key=_order)
-    failures = _make(out, singles, workers, listener)
+    failures = _make(out, singles, workers, progress)
     whole = [Page("summary", tuple(known), report, "summary")] if known else []
-    return failures + _make(out, whole, workers, listener)
+    return failures + _make(out, whole, workers, progress)
 
 
 def write_sweep_pages(
-    out: Path, sweeps: Sequence[Path], report: Path, workers: Workers, listener: Listener
+    out: Path, sweeps: Sequence[Path], report: Path, workers: Workers, progress: Progress
 ) -> list[str]:
     """Writes the pages of sweeps beside those of their cases, as far as they would change. Other pages stay.
 
@@ -107,7 +107,7 @@ def write_sweep_pages(
         One line for every page that could not be written, with the reason.
     """
     named = {f"{path.parent.name}-{path.name}": path for path in sweeps if (path / "summary.json").is_file()}
-    return _make(out, [Page(name, (path,), report / name, "sweep") for name, path in named.items()], workers, listener)
+    return _make(out, [Page(name, (path,), report / name, "sweep") for name, path in named.items()], workers, progress)
 
 
 def _order(path: Path) -> tuple[str, list[tuple[str, float]]]:
@@ -116,12 +116,12 @@ def _order(path: Path) -> tuple[str, list[tuple[str, float]]]:
     return path.name.partition("-")[0], [(name, float(value)) for name, value in parameters]
 
 
-def _make(out: Path, pages: list[Page], workers: Workers, listener: Listener) -> list[str]:
+def _make(out: Path, pages: list[Page], workers: Workers, progress: Progress) -> list[str]:
     book = _read_book(out)
     due = [page for page in pages if book.get(str(page.target.resolve())) != [page.inputs(), page.outputs()]]
     if not due:
         return []
-    listener.begin("reporting", len(pages), len(pages) - len(due))
+    progress.begin("reporting", len(pages), len(pages) - len(due))
     failures = []
     make: Callable[[Page], str] = write_page
     with closing(dispatch(make, due, workers)) as all_done:
@@ -134,7 +134,8 @@ def _make(out: Path, pages: list[Page], workers: Workers, listener: Listener) ->
             else:
                 book[key] = [done.item.inputs(), done.item.outputs()]
             ResultFolder(out).write_json(_BOOK, book)
-            listener.finished(f"{done.item.target / 'README.md'}", None, message)
+            progress.advance(1)
+            progress.finished(f"{done.item.target / 'README.md'}", None, message)
     return failures
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from oarlock.base.errors import InputError, choose, few, one_line
 from oarlock.base.options import split_options
+from oarlock.base.progress import Progress
 from oarlock.batch.sweep import (
     Axis,
     folder_name,
@@ -125,16 +126,6 @@ def _document(member: Member) -> dict[str, Any] | None:
         return None
 
 
-class Listener:
-    """Listens to a suite. The base class keeps silent."""
-
-    def begin(self, what: str, total: int, kept: int) -> None:
-        """So many are ahead; as many are kept from before."""
-
-    def finished(self, label: str, seconds: float | None, message: str) -> None:
-        """One was finished, after so long; ``message`` says why it was not done, or nothing."""
-
-
 def asked_for(models: Sequence[str]) -> list[tuple[str, Case | None, str]]:
     """What ``load_case`` takes, the case, and why there is none; variants after their model.
 
@@ -207,13 +198,13 @@ def plan_suite(models: Sequence[str], out: Path, axes: tuple[Axis, ...] = ()) ->
     return suite
 
 
-def carry_out(suite: Suite, workers: Workers, *, fresh: bool = False, listener: Listener | None = None) -> None:
+def carry_out(suite: Suite, workers: Workers, *, fresh: bool = False, progress: Progress | None = None) -> None:
     """Does what is not finished, keeps each unit as soon as it is, and judges every case, also when interrupted.
 
     Raises:
         InputError: the results cannot be written.
     """
-    listener = listener or Listener()
+    progress = progress or Progress()
     owners: dict[Unit, Member] = {}
     total = 0
     for member in suite.members:
@@ -224,7 +215,7 @@ def carry_out(suite: Suite, workers: Workers, *, fresh: bool = False, listener: 
         todo = [unit for unit in member.units if fresh or not member.ledger.finished(unit.name, unit.digest)]
         owners.update({_estimated(unit, member.ledger): member for unit in todo})
     suite.repeated = len(owners)
-    listener.begin("running", total, total - len(owners))
+    progress.begin("running", total, total - len(owners))
     # The longest first: the last ones to finish are short.
     work = sorted(owners, key=lambda unit: -unit.cost)
     try:
@@ -234,7 +225,8 @@ def carry_out(suite: Suite, workers: Workers, *, fresh: bool = False, listener: 
                 failure = None if done.error is None else Failure("failed", one_line(str(done.error)))
                 outcome = Outcome(failure) if failure else done.result
                 owners[unit].ledger.keep(unit.name, unit.digest, dict(unit.point.values), outcome)
-                listener.finished(unit.label, outcome.seconds, str(outcome.failure or ""))
+                progress.advance(1)
+                progress.finished(unit.label, outcome.seconds, str(outcome.failure or ""))
     finally:
         moment = occasion()
         for member in suite.members:

@@ -16,10 +16,11 @@ import polars as pl
 from oarlock.base.errors import InputError, one_line
 from oarlock.batch import digest
 from oarlock.cases.case import Case, load_case
-from oarlock.cases.point import OWN, SEED, SOLREF, TIMESTEP, Point
+from oarlock.cases.conditions import Conditions
+from oarlock.cases.point import OWN, TIMESTEP, Point
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.outcome import describe
-from oarlock.experiments.plan import Request, plan
+from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task, Walk
 from oarlock.stepping.prepared import PreparedCase
@@ -75,7 +76,7 @@ def plan_units(asked: str, case: Case) -> list[Unit]:
     inputs = digest.of_case(case)
     units: list[Unit] = []
     taken: set[str] = set()
-    for task in plan(case, Request()):
+    for task in plan(case):
         for walk in task.walks():
             new = tuple(name for name in walk.names if name not in taken)
             taken.update(new)
@@ -154,7 +155,7 @@ def _run(unit: Unit) -> Outcome:
     case = load_case(unit.case)
     if unit.digest != expected_digest(unit, case):
         raise InputError(f"'{case.name}' is not what it was when the suite was planned: files or versions differ")
-    laboratory = _laboratory(case, unit.point)
+    laboratory = Laboratory(unit.point.of(case), Conditions.at(unit.point))
     results = [result for result in laboratory.run(unit.task) if result.key.slug in unit.runs]
     found = tuple(result.key.slug for result in results)
     if found != unit.runs:
@@ -172,22 +173,6 @@ def expected_digest(unit: Unit, case: Case) -> str:
     """The unit's digest, computed anew from the files and versions that are here."""
     inputs = _inputs_at(digest.of_case(case), case, unit.point)
     return _mark(inputs, unit.task, unit.runs, unit.first)
-
-
-def _laboratory(case: Case, point: Point) -> Laboratory:
-    timestep_s, duration_s = point.get(TIMESTEP), case.file.run.duration_s
-    if timestep_s is not None and timestep_s > duration_s:
-        raise InputError(
-            f"timestep = {timestep_s:g} s is longer than the duration of {duration_s:g} s, expected at least one step"
-        )
-    return Laboratory(
-        point.of(case),
-        timestep_s,
-        duration_s,
-        lambda _steps: None,
-        solref_s=point.get(SOLREF),
-        seed=point.get(SEED),
-    )
 
 
 def _size(setup: PreparedCase) -> dict[str, Any]:

@@ -15,10 +15,10 @@ import mujoco
 from oarlock.base import core
 from oarlock.base.errors import InputError
 from oarlock.cases.case import load_case
+from oarlock.cases.conditions import Conditions
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
-from oarlock.stepping.path import silent
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.python_path import PythonPath
 from oarlock.stepping.solvers import MUJOCO, RUN_REFERENCE, SolverSpec
@@ -58,7 +58,7 @@ class Track:
             raise InputError(f"no native stepping: {native_path.refusal()}")
         case = load_case(name)
         timestep_s = case.file.run.timestep_s or 1e-3
-        self._laboratory = Laboratory(case, None, steps * timestep_s, silent)
+        self._laboratory = Laboratory(case, Conditions(duration_s=steps * timestep_s))
         self._terms = case.file.baumgarte
         self.steps = steps
 

@@ -8,7 +8,8 @@ import typer
 
 from oarlock.base.errors import InputError
 from oarlock.cli.console import GATE_FAILED, JsonOption, emit_json, ends, say
-from oarlock.diagnosis.wish import BUDGET_S, TARGET
+from oarlock.diagnosis.checked import examined, judged
+from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
 
 if TYPE_CHECKING:
     from oarlock.diagnosis.examination import Examination
@@ -49,32 +50,26 @@ def check(
     as_json: JsonOption = None,
 ) -> None:
     """Why do the loops of a model come apart, and what would hold them? Status 1: --fail-above was exceeded."""
-    from oarlock.diagnosis.checked import check as examine
-
     printing = as_json != "-"
-
-    def progress(part: str, exam: "Examination") -> None:
-        if printing:
-            _print_part(part, exam)
-
-    checked = examine(
-        file,
+    options = CheckOptions(
         keyframe=keyframe,
         controls=controls,
-        constant=_constants(control or []),
+        control=_constants(control or []),
         seed=seed,
-        duration_s=duration,
-        timestep_s=timestep,
+        duration=duration,
+        timestep=timestep,
         integrator=integrator,
         target=target,
-        budget_s=budget,
+        budget=budget,
         ignore_inequalities=ignore_inequalities,
         fail_above=fail_above,
-        progress=progress,
     )
-    exam = checked.examination
+    for part, exam in examined(file, options):
+        if printing:
+            _print_part(part, exam)
+    checked = judged(exam)
     if printing:
-        _print_findings(checked.found)
+        _print_findings(checked.verdict)
     if write_keyframe:
         _write_keyframe(exam, write_keyframe)
     if write_tuned:
@@ -82,10 +77,10 @@ def check(
     if report:
         from oarlock.diagnosis.page.page import write_page
 
-        say(f"oarlock: {write_page(exam, checked.found, report)}")
+        say(f"oarlock: {write_page(exam, checked.verdict, report)}")
     if as_json:
         emit_json(checked.document(), as_json)
-    above = [finding for finding in checked.found if finding.code == "D7"]
+    above = [finding for finding in checked.verdict if finding.code == "D7"]
     if above:
         say(f"oarlock: {above[0]}")
         raise typer.Exit(GATE_FAILED)

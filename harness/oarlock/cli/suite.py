@@ -4,40 +4,62 @@ import sys
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bar
+import typer
 
 from oarlock.base.cores import cores
 from oarlock.base.errors import few
 from oarlock.batch.pages import write_pages, write_sweep_pages
-from oarlock.batch.suite import Listener, Suite, carry_out, failed, plan_suite, status_of
+from oarlock.batch.suite import Suite, carry_out, failed, plan_suite, status_of
 from oarlock.batch.sweep import parse_axes
 from oarlock.batch.workers import LocalWorkers, Workers
+from oarlock.cli.bar import bar
+from oarlock.cli.console import JsonOption, emit_json, ends
 from oarlock.tables.ledger import TABLE
 
 
-class _BarListener(Listener):
-    """One bar on standard error, and a line for everything that is finished."""
-
-    def __init__(self, bar: Bar):
-        self._bar = bar
-        self._task = bar.add_task("")
-
-    def begin(self, what: str, total: int, kept: int) -> None:
-        self._bar.reset(self._task, description=what, total=total, completed=kept)
-        if kept:
-            self._print(f"{what}: {kept} of {total} kept from before")
-
-    def finished(self, label: str, seconds: float | None, message: str) -> None:
-        self._bar.advance(self._task)
-        took = "" if seconds is None else f"  {seconds:.1f} s"
-        self._print(f"  {label}{took}" + (f"  [{message}]" if message else ""))
-
-    def _print(self, text: str) -> None:
-        self._bar.console.print(text, highlight=False, markup=False, soft_wrap=True)
+@ends()
+def suite(
+    models: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[MODEL…]", help="Models, variants or MJCF files [default: every model]."),
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(metavar="N", min=1, help="Runs at once [default: one a core].")] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS|local",
+            help="Run on a dask.distributed cluster: of that scheduler, tcp://HOST:PORT, or of processes here.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for the results, a folder a model; what is there is kept.")
+    ] = Path("results"),
+    to: Annotated[
+        Path | None, typer.Option("--report", metavar="DIR", help="Folder for the report [default: OUT/report].")
+    ] = None,
+    as_json: JsonOption = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Do everything anew, also what is finished.")] = False,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KEY=A:B:N",
+            help="Free runs at N values from A to B instead of the experiments: of timestep or solref (MuJoCo's time "
+            "constant of the equalities), in s and spaced geometrically; of a parameter of the model; or of seed, "
+            "which disturbs the start. Several make a grid.",
+        ),
+    ] = None,
+) -> None:
+    """Every model × its experiments, in parallel; resumes where it stopped, repeats what changed, writes the report."""
+    target = to or out / "report"
+    status, document = run_suite(
+        models or [], jobs=jobs, scheduler=scheduler, out=out, report=target, fresh=fresh, sweep=sweep or ()
+    )
+    if as_json:
+        emit_json(document, as_json)
+    if status:
+        raise typer.Exit(status)
 
 
 def run_suite(
@@ -55,20 +77,13 @@ def run_suite(
     for name, lacking in suite.skipped.items():
         _say(f"skipped: {name} has no parameter {few(lacking)}")
     units, pages = _workers(jobs, scheduler)
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with (
-        closing(pages),
-        closing(units),
-        Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar,
-    ):
-        listener = _BarListener(bar)
-        carry_out(suite, units, fresh=fresh, listener=listener)
+    with closing(pages), closing(units), bar(always=True) as progress:
+        carry_out(suite, units, fresh=fresh, progress=progress)
         folders = [member.folder.path for member in suite.members]
         if suite.axes:
-            unwritten = write_sweep_pages(out, folders, report, pages, listener)
+            unwritten = write_sweep_pages(out, folders, report, pages, progress)
         else:
-            unwritten = write_pages(out, folders, report, pages, listener, every=not models)
+            unwritten = write_pages(out, folders, report, pages, progress, every=not models)
     _say_what_failed(suite)
     for table in (member.folder.path / TABLE for member in suite.members if suite.axes):
         if table.is_file():

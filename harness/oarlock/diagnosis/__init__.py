@@ -1,6 +1,6 @@
 """``oarlock check``: why a loop comes apart, and what would hold it.
 
-- ``wish``: what is asked; ``loops``: what the mechanism is, at one pose; ``runs``: what short runs show.
+- ``options``: what is asked; ``loops``: what the mechanism is, at one pose; ``runs``: what short runs show.
 - ``examination`` looks at a model with both, once; ``edit`` writes copies of its file.
 - ``verdict`` makes findings of an examination, ``page`` a document and a report; ``checked`` is the answer.
 """

@@ -3,14 +3,16 @@
 It comes with every ``import oarlock``; what examines a model is imported where one is examined.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
 from threadpoolctl import threadpool_limits
 
-from oarlock.diagnosis.wish import BUDGET_S, TARGET, Wish
+from oarlock.base.arguments import complete, takes
+from oarlock.base.progress import Progress
+from oarlock.diagnosis.options import CheckOptions
 
 if TYPE_CHECKING:
     from oarlock.diagnosis.examination import Examination
@@ -22,18 +24,18 @@ class Checked:
 
     Attributes:
         examination: all that was found out, over time.
-        found: the findings, the worst first.
+        verdict: the findings as objects, the worst first.
     """
 
-    def __init__(self, examination: "Examination", found: "list[Finding]"):
-        self.examination, self.found = examination, found
+    def __init__(self, examination: "Examination", verdict: "list[Finding]"):
+        self.examination, self.verdict = examination, verdict
 
     @property
     def findings(self) -> pl.DataFrame:
         """A row a finding, the worst first."""
         from oarlock.diagnosis.page.document import findings_table
 
-        return findings_table(self.found)
+        return findings_table(self.verdict)
 
     @property
     def drift(self) -> pl.DataFrame:
@@ -72,72 +74,62 @@ class Checked:
         """As ``oarlock check --json``."""
         from oarlock.diagnosis.page.document import document
 
-        return document(self.examination, self.found)
+        return document(self.examination, self.verdict)
 
     def _repr_html_(self) -> str:
         from oarlock.diagnosis.page.page import html_fragment
 
-        return html_fragment(self.examination, self.found)
+        return html_fragment(self.examination, self.verdict)
 
     def __repr__(self) -> str:
-        return "\n".join([f"checked {self.examination.file}", *(f"  {finding}" for finding in self.found)])
+        return "\n".join([f"checked {self.examination.file}", *(f"  {finding}" for finding in self.verdict)])
 
 
+def examined(file: str | Path, options: CheckOptions) -> "Iterator[tuple[str, Examination]]":
+    """Looks at a model; gives the name of every part with the examination as soon as that part of it is there.
+
+    Raises:
+        InputError: as ``check``.
+    """
+    from oarlock.diagnosis.examination import begin, examine
+
+    # Many small matrices: threads of BLAS wait for one another longer than they work, and for whatever else is running.
+    with threadpool_limits(1, user_api="blas"):
+        examination = begin(str(file), options)
+        for part in examine(examination):
+            yield part, examination
+
+
+def judged(examination: "Examination") -> Checked:
+    """The answer to an examination that is complete."""
+    from oarlock.diagnosis.verdict.verdicts import judge
+
+    return Checked(examination, judge(examination, examination.options.fail_above))
+
+
+@takes(CheckOptions)
 def check(
-    file: str | Path,
-    *,
-    keyframe: str | None = None,
-    controls: str | None = None,
-    constant: dict[str, float] | None = None,
-    seed: int = 0,
-    duration_s: float | None = None,
-    timestep_s: float | None = None,
-    integrator: str | None = None,
-    target: float = TARGET,
-    budget_s: float = BUDGET_S,
-    ignore_inequalities: bool = False,
-    fail_above: float | None = None,
-    progress: "Callable[[str, Examination], None] | None" = None,
+    file: str | Path, options: CheckOptions | None = None, *, progress: Progress | None = None, **keywords: Any
 ) -> Checked:
     """Finds out why the loops of a model come apart, and what would hold them.
 
     Args:
         file: MJCF file, or name of a model that comes along.
-        keyframe: name or number of the keyframe to start from; the first one, or the model's own pose.
-        controls: ``keyframe``, ``constant`` or ``random``; chosen by what the model has if left out.
-        constant: actuator → constant control.
-        seed: of random controls.
-        duration_s: of the run, s.
-        timestep_s: in place of the model's, s.
-        integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``, in place of the model's.
-        target: wanted drift, m or rad.
-        budget_s: time for the runs that look for settings, s; 0: none are looked for.
-        ignore_inequalities: without contacts, limits and friction.
-        fail_above: bound on the drift, m or rad; beyond it there is an error among the findings.
-        progress: is told of every part as soon as it is there.
+        options: what is asked for.
+        progress: listens: ``finished`` gets the name of every part of the examination that is there.
+        keywords: the fields of ``CheckOptions``, one by one, as of ``oarlock check``: ``duration=1.0, budget=0``.
 
     Raises:
-        InputError: no such file, malformed, no equality, or an argument that does not fit the model.
+        InputError: no such file, malformed, no equality, or an option that does not fit the model.
     """
-    from oarlock.diagnosis.examination import begin, examine
-    from oarlock.diagnosis.verdict.verdicts import judge
+    from oarlock.diagnosis.examination import PARTS
 
-    wish = Wish(
-        keyframe=keyframe,
-        controls=controls,
-        constant=constant or {},
-        seed=seed,
-        duration_s=duration_s,
-        timestep_s=timestep_s,
-        integrator=integrator,
-        target=target,
-        budget_s=budget_s,
-        ignore_inequalities=ignore_inequalities,
-    )
-    # Many small matrices: threads of BLAS wait for one another longer than they work, and for whatever else is running.
-    with threadpool_limits(1, user_api="blas"):
-        examination = begin(str(file), wish)
-        for part in examine(examination):
-            if progress:
-                progress(part, examination)
-        return Checked(examination, judge(examination, fail_above))
+    progress = progress or Progress()
+    progress.begin("checking", len(PARTS))
+    found = examined(file, complete(CheckOptions, options, keywords))
+    for part, examination in found:
+        progress.advance(1)
+        progress.finished(part)
+        if part == PARTS[-1]:
+            return judged(examination)
+    raise AssertionError("an examination has parts")

@@ -14,6 +14,7 @@ from oarlock.diagnosis.loops.events import RankHistory, rank_events
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
+from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.runs import controls
 from oarlock.diagnosis.runs.drifts import Drift, find_drifts
 from oarlock.diagnosis.runs.exact import ExactRun, record_exact
@@ -22,7 +23,6 @@ from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
-from oarlock.diagnosis.wish import Wish
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import INTEGRATORS, load_mechanism
@@ -75,7 +75,7 @@ class Examination:
     laws: dict[str, str]
     driven: str
     own_s: float | None
-    wish: Wish
+    options: CheckOptions
     steps: int = 0
     ignored: str = ""
     pose: ClosedPose | None = None
@@ -108,80 +108,72 @@ class Examination:
         return self.pose is not None and self.pose.closed
 
 
-def begin(model_or_file: str, wish: Wish) -> Examination:
+def begin(model_or_file: str, options: CheckOptions) -> Examination:
     """Loads a file, or the model of a case by its name, and decides how it is to move.
 
     Raises:
         InputError: no such file, malformed MJCF, no equality, an unknown keyframe or actuator, a number out of range.
     """
-    for what, value in (
-        ("--duration", wish.duration_s),
-        ("--timestep", wish.timestep_s),
-        ("--target", wish.target),
-    ):
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise InputError(f"{what} = {value:g}, expected a finite number > 0")
-    integrator = None if wish.integrator is None else choose("integrator", wish.integrator, list(INTEGRATORS))
     path = Path(model_or_file)
-    found = _of_file(path, wish) if path.is_file() else _of_case(model_or_file, wish)
+    found = _of_file(path, options) if path.is_file() else _of_case(model_or_file, options)
     model = found.model
-    if integrator:
-        model.opt.integrator = INTEGRATORS[integrator]
-    model.opt.timestep = wish.timestep_s or model.opt.timestep
-    found.steps = _steps(model, wish, found.own_s)
-    if wish.ignore_inequalities:
+    if options.integrator:
+        model.opt.integrator = INTEGRATORS[choose("integrator", options.integrator, list(INTEGRATORS))]
+    model.opt.timestep = options.timestep or model.opt.timestep
+    found.steps = _steps(model, options, found.own_s)
+    if options.ignore_inequalities:
         found.ignored = ignore_inequalities(found.model)
     return found
 
 
-def _of_file(path: Path, wish: Wish) -> Examination:
+def _of_file(path: Path, options: CheckOptions) -> Examination:
     model = load_model(path)
     data = mujoco.MjData(model)
     begins = "the model's own pose, at rest"
-    if model.nkey or wish.keyframe is not None:
-        wanted = wish.keyframe
+    if model.nkey or options.keyframe is not None:
+        wanted = options.keyframe
         key = controls.keyframe(model, int(wanted) if wanted is not None and wanted.isdigit() else wanted)
         mujoco.mj_resetDataKeyframe(model, data, key)
         for body in range(model.nbody):  # every data that is made of the model then has them there
             if (mocap := int(model.body_mocapid[body])) >= 0:
                 model.body_pos[body], model.body_quat[body] = data.mocap_pos[mocap], data.mocap_quat[mocap]
         begins = f"keyframe '{model.key(key).name or f'#{key}'}'"
-    kind, laws = _driven(model, wish)
-    return Examination(str(path), path, model, data.qpos.copy(), data.qvel.copy(), begins, laws, kind, None, wish)
+    kind, laws = _driven(model, options)
+    return Examination(str(path), path, model, data.qpos.copy(), data.qvel.copy(), begins, laws, kind, None, options)
 
 
-def _driven(model: mujoco.MjModel, wish: Wish) -> tuple[str, dict[str, str]]:
+def _driven(model: mujoco.MjModel, options: CheckOptions) -> tuple[str, dict[str, str]]:
     """The controls in words, and as laws."""
     if model.nu == 0:
         return "no actuators", {}
-    kind = wish.controls or ("constant" if wish.constant else "keyframe" if _keeps(model, wish) else "random")
+    kind = options.controls or ("constant" if options.control else "keyframe" if _keeps(model, options) else "random")
     laws = controls.laws(
-        model, choose("kind of controls", kind, controls.KINDS), wish.keyframe, wish.seed, wish.constant
+        model, choose("kind of controls", kind, controls.KINDS), options.keyframe, options.seed, options.control
     )
     words = {
         "keyframe": "the keyframe's controls, held",
         "constant": "constant controls",
-        "random": f"a random smooth control of every actuator (seed {wish.seed})",
+        "random": f"a random smooth control of every actuator (seed {options.seed})",
     }
     return words[kind], laws
 
 
-def _keeps(model: mujoco.MjModel, wish: Wish) -> bool:
+def _keeps(model: mujoco.MjModel, options: CheckOptions) -> bool:
     """Whether there is a keyframe that says what the controls are."""
-    return bool(model.nkey) and bool(model.key_ctrl[controls.keyframe(model, wish.keyframe)].any())
+    return bool(model.nkey) and bool(model.key_ctrl[controls.keyframe(model, options.keyframe)].any())
 
 
-def _of_case(name: str, wish: Wish) -> Examination:
+def _of_case(name: str, options: CheckOptions) -> Examination:
     case = load_case(name)
     run = case.file.run
     model = load_mechanism(case, integrator=run.integrator)
     start = consistent_start(model, case)
     kind, laws = "the case's own drive", controls.written_out(case.file.drive)
-    if wish.controls or wish.constant:
-        kind, laws = _driven(model, wish)
+    if options.controls or options.control:
+        kind, laws = _driven(model, options)
     elif not laws:
         kind = "no drive" if model.nu else "no actuators"
-    ignoring = run.ignore_inequalities and not wish.ignore_inequalities
+    ignoring = run.ignore_inequalities and not options.ignore_inequalities
     ignored = ignore_inequalities(model) if ignoring else ""
     begins = f"the start of case '{case.name}'"
     return Examination(
@@ -194,17 +186,17 @@ def _of_case(name: str, wish: Wish) -> Examination:
         laws,
         kind,
         run.duration_s,
-        wish,
+        options,
         ignored=ignored or "",
     )
 
 
-def _steps(model: mujoco.MjModel, wish: Wish, own_s: float | None) -> int:
+def _steps(model: mujoco.MjModel, options: CheckOptions, own_s: float | None) -> int:
     timestep_s = float(model.opt.timestep)
     if not (math.isfinite(timestep_s) and timestep_s > 0):
         raise InputError(f"timestep of the model = {timestep_s:g} s, expected a finite number > 0")
-    steps = max(1, round((wish.duration_s or own_s or DURATION_S) / timestep_s))
-    return steps if wish.duration_s else min(steps, MAX_STEPS)
+    steps = max(1, round((options.duration or own_s or DURATION_S) / timestep_s))
+    return steps if options.duration else min(steps, MAX_STEPS)
 
 
 def examine(found: Examination) -> Iterator[str]:
@@ -264,13 +256,13 @@ def _causes(found: Examination) -> None:
 def _remedy(found: Examination) -> None:
     if not found.closed or found.pose is None:
         found.missing["remedy"] = "there is no closed start to try settings from"
-    elif found.wish.budget_s <= 0:
+    elif found.options.budget <= 0:
         found.missing["remedy"] = "it was not asked for"
     elif found.recording is not None:
         start = Start(found.pose.qpos, found.pose.qvel)
         with _Reason(found, "remedy"):
             found.recipe = recipe(
-                found.model, start, found.laws, found.wish.target, found.duration_s, budget_s=found.wish.budget_s
+                found.model, start, found.laws, found.options.target, found.duration_s, budget_s=found.options.budget
             )
 
 

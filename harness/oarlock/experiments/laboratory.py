@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from threading import Event
-from typing import Literal
 
 import polars as pl
 
@@ -14,6 +13,7 @@ from oarlock.base.core import MultiplierSolver
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Baumgarte, Integrator
+from oarlock.cases.conditions import OWN, Conditions
 from oarlock.cases.truth import load_truth
 from oarlock.experiments.modes import MODES
 from oarlock.experiments.task import Task, Walk
@@ -28,11 +28,9 @@ from oarlock.stepping.solvers import SolverSpec
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
 
-Stepping = Literal["auto", "native", "python"]
-"""Which path steps; ``auto`` is the native one where it can be taken."""
 
-
-STEPPINGS: list[Stepping] = ["auto", "native", "python"]
+def _silent(_steps: int) -> None:
+    pass
 
 
 class _StoppedError(Exception):
@@ -40,49 +38,38 @@ class _StoppedError(Exception):
 
 
 class Laboratory:
-    """Runs the tasks of one case; with a time constant or a disturbed start of ``PreparedCase`` where they are given.
+    """Runs the tasks of one case under some conditions.
 
-    What is too long for the memory is kept for the time being in ``folder``, or where the system keeps such.
+    Args:
+        case: what is run.
+        conditions: where they are not the case's own.
+        stepping: which path steps, as of ``RunOptions``.
+        tick: is told of the steps that were done.
+        folder: keeps for the time being what is too long for the memory; None: where the system keeps such.
     """
 
     def __init__(
         self,
         case: Case,
-        timestep_s: float | None,
-        duration_s: float,
-        tick: Tick,
+        conditions: Conditions = OWN,
         *,
-        ignore_inequalities: bool = False,
-        stepping: Stepping = "auto",
-        solref_s: float | None = None,
-        seed: int | None = None,
+        stepping: str = "auto",
+        tick: Tick = _silent,
         folder: Path | None = None,
     ):
-        self.case = case
-        self._solref_s, self._seed = solref_s, seed
-        self._ignoring = ignore_inequalities
-        self._timestep_s, self._duration_s = timestep_s, duration_s
-        self._listener = tick
+        self.case, self.conditions = case, conditions
+        self._told = tick
         self._stopped = Event()
         # Not always the system's own folder: that may be memory, and where the results go there must be room anyway.
         self._spools: Spools = partial(spools, schema=SCHEMA, folder=folder)
-        self._truth = load_truth(case) if seed is None else None  # it knows the case's own start only
-        self._stepping: Stepping = stepping
+        # It knows the case's own start only.
+        self._truth = load_truth(case) if conditions.seed is None else None
+        self._stepping = stepping
         self._setups: dict[tuple[Integrator, str], PreparedCase] = {}
 
     def setup(self, integrator: Integrator, settings: str = "default") -> PreparedCase:
         """The case, prepared."""
-        return PreparedCase(
-            self.case,
-            self._truth,
-            integrator,
-            settings,
-            self._timestep_s,
-            self._duration_s,
-            self._ignoring,
-            solref_s=self._solref_s,
-            seed=self._seed,
-        )
+        return PreparedCase(self.case, self._truth, integrator, settings, self.conditions)
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.
@@ -117,7 +104,7 @@ class Laboratory:
     def _tick(self, steps: int) -> None:
         if self._stopped.is_set():
             raise _StoppedError
-        self._listener(steps)
+        self._told(steps)
 
     def _walks(self, task: Task) -> Iterator[Callable[[], list[RunResult]]]:
         """The walks of a task, each set up and ready to be taken; gives the runs of all who answer along it."""

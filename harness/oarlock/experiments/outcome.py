@@ -70,6 +70,13 @@ class Results:
         }
 
 
+def ending(row: dict[str, Any]) -> str:
+    """Why the run of a row of the summary is not ``done``, in words."""
+    if row["status"] == "unprojected":
+        return f"{row['unprojected']} of {row['steps_done']} projections did not reach the constraints"
+    return row["message"] or f"{row['unconverged']} of {row['solves']} solves did not converge"
+
+
 def describe(setup: PreparedCase) -> dict[str, Any]:
     """What the model turns out to be at its consistent start."""
     start = setup.start

@@ -1,19 +1,19 @@
 """From a case to tables: plans the runs, carries them out, keeps each as soon as it is finished, judges the gates."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import polars as pl
 
+from oarlock.base.arguments import complete, takes
 from oarlock.base.cores import cores
-from oarlock.base.errors import InputError, choose
 from oarlock.base.files import uninterrupted
+from oarlock.base.progress import Progress
 from oarlock.cases.case import load_case
-from oarlock.experiments.laboratory import STEPPINGS, Laboratory
-from oarlock.experiments.outcome import Results, case_document, describe, expectations
-from oarlock.experiments.plan import Request, plan
+from oarlock.experiments.laboratory import Laboratory
+from oarlock.experiments.options import RunOptions
+from oarlock.experiments.outcome import Results, case_document, describe, ending, expectations
+from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables.aggregate import judge, summarise
@@ -22,100 +22,48 @@ from oarlock.tables.provenance import inputs, occasion
 from oarlock.tables.schema import RunResult
 
 
-class Progress:
-    """Listens to a run. The base class keeps silent."""
-
-    def begin(self, steps: int) -> None:
-        """The number of steps ahead is known."""
-
-    def advance(self, steps: int) -> None:
-        """Steps were done."""
-
-    def finished(self, row: dict[str, Any]) -> None:
-        """A run was finished and kept."""
-
-
+@takes(RunOptions)
 def run(
     model: str | Path,
+    options: RunOptions | None = None,
     *,
-    solver: Sequence[str] | str = (),
-    form: str | None = None,
-    mode: str | None = None,
-    walker: str | None = None,
-    integrator: str | None = None,
-    timestep_s: float | None = None,
-    duration_s: float | None = None,
-    rtol: float | None = None,
-    stabilisation: str | None = None,
-    ignore_inequalities: bool = False,
-    stepping: str = "auto",
-    out: Path | None = None,
+    out: str | Path | None = None,
     progress: Progress | None = None,
-    threads: int | None = None,
+    **keywords: Any,
 ) -> Results:
     """Cross-validates a model against MuJoCo.
 
     Args:
         model: name of a model, folder of a case, or path of an MJCF file; ``:key=value,…`` for other parameters.
-        solver: solver specifications, such as ``"sr1:eps_abs=1e-7"``; the case's if empty.
-        form: ``matched`` (MuJoCo's own softness), ``hard`` (exact constraints) or ``both``.
-        mode: ``lockstep``, ``one-step``, ``free`` or ``all``.
-        walker: who walks in lockstep: ``mujoco`` or a solver, which then walks in the hard form.
-        integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``.
-        timestep_s: timestep in s.
-        duration_s: duration in s.
-        rtol: relative tolerance of the solvers that have one.
-        stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``.
-        ignore_inequalities: run without the model's contacts, limits and friction, MuJoCo too; the provenance says
-            what was left out. Without it a run in which one becomes active is refused.
-        stepping: ``native`` (the compiled step loops), ``python`` (the same, readable and slow) or ``auto``: native if
-            MuJoCo is of the version that they were built against.
+        options: what is asked for in place of what the case of the model says.
         out: folder that keeps the tables; every run is written as soon as it is finished.
-        progress: listens.
-        threads: native runs at once; as many as there are cores if left out. Times of solves are best taken with one.
+        progress: listens: ``finished`` gets the name of every run that was finished and kept.
+        keywords: the fields of ``RunOptions``, one by one, as of ``oarlock run``: ``mode="free", duration=1.0``.
 
     Raises:
         InputError: bad input; finished runs are kept.
     """
+    options = complete(RunOptions, options, keywords)
     case = load_case(model)
-    for name, value in (("timestep", timestep_s), ("duration", duration_s)):
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
-    solvers = (solver,) if isinstance(solver, str) else tuple(solver)
-    request = Request(
-        solvers, form, mode, walker, integrator, timestep_s, duration_s, rtol, stabilisation, ignore_inequalities
-    )
-    tasks = plan(case, request)
+    tasks = plan(case, options)
     progress = progress or Progress()
-    laboratory = Laboratory(
-        case,
-        timestep_s,
-        duration_s or case.file.run.duration_s,
-        progress.advance,
-        ignore_inequalities=request.ignore_inequalities,
-        stepping=choose("stepping", stepping, STEPPINGS),
-        folder=out,
-    )
+    folder = None if out is None else Path(out)
+    laboratory = Laboratory(case, options.conditions, stepping=options.stepping, tick=progress.advance, folder=folder)
     setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)
-    if duration_s is None and setup.timestep_s > case.file.run.duration_s:  # asked for, one step is enough
-        raise InputError(
-            f"timestep = {setup.timestep_s:g} s is longer than the duration of {case.file.run.duration_s:g} s, "
-            "expected at least one step"
-        )
-    progress.begin(setup.steps * sum(len(task.walks()) for task in tasks))
+    progress.begin("running", setup.steps * sum(len(task.walks()) for task in tasks))
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
     results = Results(case, provenance={**inputs(case), **ignored, **occasion()})
     model_found = describe(setup)
     results.verdicts += expectations(case, model_found)
-    keeper = _Keeper(results, setup, model_found, ResultFolder(out) if out else None)
-    for result in laboratory.run_all(tasks, threads or cores()):
+    keeper = _Keeper(results, setup, model_found, ResultFolder(folder) if folder else None)
+    for result in laboratory.run_all(tasks, options.threads or cores()):
         keeper.keep(result)
-        progress.finished(results.rows[-1])
+        row = results.rows[-1]
+        progress.finished(row["run"], message="" if row["status"] == "done" else f"{row['status']}: {ending(row)}")
     # Bounds hold for the discretisation and the parameters that they were set for.
-    own = timestep_s in (None, case.file.run.timestep_s) and duration_s in (None, case.file.run.duration_s)
-    own = own and case.listed
-    results.verdicts += judge(case, results.rows if own else [], complete=own and request.whole_case)
+    own = options.conditions.own(case) and case.listed
+    results.verdicts += judge(case, results.rows if own else [], complete=own and options.whole_case)
     keeper.close()
     return results
 

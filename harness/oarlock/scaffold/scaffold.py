@@ -15,10 +15,11 @@ import numpy as np
 import polars as pl
 
 from oarlock.base.errors import InputError, RefusedError, few, one_line
+from oarlock.base.progress import Progress
 from oarlock.cases import case as cases
 from oarlock.cases.case import Case, load_case
 from oarlock.experiments.outcome import Results
-from oarlock.experiments.session import Progress, run
+from oarlock.experiments.session import run
 from oarlock.mechanics.mjcf import Copied, copy_model
 from oarlock.mechanics.names import Equality, coordinates, element_name, equalities
 from oarlock.mechanics.reactions import verdict

@@ -14,6 +14,7 @@ import numpy as np
 from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, Integrator, RunDefaults, Start
+from oarlock.cases.conditions import Conditions
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.names import element_name
@@ -249,9 +250,8 @@ def _exact_run(case: Case, steps: int) -> np.ndarray:
     Raises:
         RefusedError: a contact, limit or friction became active.
     """
-    setup = PreparedCase(
-        case, None, case.file.run.integrator, "default", None, steps * (case.file.run.timestep_s or 0.0)
-    )
+    conditions = Conditions(duration_s=steps * (case.file.run.timestep_s or 0.0))
+    setup = PreparedCase(case, None, case.file.run.integrator, "default", conditions)
     data = setup.data()
     force = SolvedForce(State(setup.model, data, case.file.baumgarte), "hard", SolverSpec(REFERENCE).make())
     walker = ForcedWalker(setup.model, data, setup.drive, force)

@@ -8,6 +8,7 @@ from oarlock.base.arrays import largest
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Integrator
+from oarlock.cases.conditions import OWN, Conditions
 from oarlock.cases.truth import TruthTrajectory
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.energy import Energy
@@ -24,7 +25,12 @@ TRUTH_ROWS = 50_000
 """Rows of the table of the truth at most: it is there to be drawn, and no figure shows more points."""
 
 
-def _steps(duration_s: float, timestep_s: float) -> int:
+def _steps(case: Case, asked_s: float | None, timestep_s: float) -> int:
+    duration_s = asked_s or case.file.run.duration_s
+    if asked_s is None and timestep_s > duration_s:  # asked for, one step is enough
+        raise InputError(
+            f"timestep = {timestep_s:g} s is longer than the duration of {duration_s:g} s, expected at least one step"
+        )
     if duration_s / timestep_s > MAX_STEPS:
         raise InputError(
             f"{duration_s:g} s at a timestep of {timestep_s:g} s are {duration_s / timestep_s:.3g} steps, "
@@ -132,12 +138,7 @@ class PreparedCase(Prepared):
         truth: TruthTrajectory | None,
         integrator: Integrator,
         settings: str,
-        timestep_s: float | None,
-        duration_s: float,
-        ignoring: bool = False,
-        *,
-        solref_s: float | None = None,
-        seed: int | None = None,
+        conditions: Conditions = OWN,
     ):
         """Loads the model and closes its start.
 
@@ -146,21 +147,20 @@ class PreparedCase(Prepared):
             truth: its trajectory by others, where it has one.
             integrator: which to walk with.
             settings: name of the case's settings.
-            timestep_s: in place of the case's own.
-            duration_s: at most ``MAX_STEPS`` steps long.
-            ignoring: without contacts, limits and friction, also if the case does not say so.
-            solref_s: as of ``load_mechanism``.
-            seed: as of ``consistent_start``.
+            conditions: what differs from the case; at most ``MAX_STEPS`` steps long.
 
         Raises:
             InputError: the model or the case is wrong, or the start cannot be closed.
         """
-        model = load_mechanism(case, integrator=integrator, timestep_s=timestep_s, settings=settings, solref_s=solref_s)
-        ignoring = ignoring or case.file.run.ignore_inequalities
+        timestep_s = conditions.timestep_s
+        model = load_mechanism(
+            case, integrator=integrator, timestep_s=timestep_s, settings=settings, solref_s=conditions.solref_s
+        )
+        ignoring = conditions.ignore_inequalities or case.file.run.ignore_inequalities
         self.ignored = ignore_inequalities(model) if ignoring else None
         drive = Drive(model, case)
-        self.start: ConsistentStart = consistent_start(model, case, seed)
-        steps = _steps(duration_s, float(model.opt.timestep))
+        self.start: ConsistentStart = consistent_start(model, case, conditions.seed)
+        steps = _steps(case, conditions.duration_s, float(model.opt.timestep))
         own = timestep_s is None
         published = PublishedValues(model, case.file.published, f"[[published]] of case '{case.name}'", own=own)
         if published.last_step == steps:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from oarlock.base.numbers import figure
 from oarlock.diagnosis.examination import PARTS, begin, examine
+from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page.blocks import Chapter, Code, Findings, Picture, Table, Text
 from oarlock.diagnosis.page.chapters.contents import CHAPTERS, chapters
 from oarlock.diagnosis.page.chapters.findings import findings
@@ -14,7 +15,6 @@ from oarlock.diagnosis.page.chapters.remedy import remedy
 from oarlock.diagnosis.page.document import document, largest
 from oarlock.diagnosis.verdict.findings import catalogue
 from oarlock.diagnosis.verdict.findings import found as finding
-from oarlock.diagnosis.wish import Wish
 from places import FIXTURES
 
 GRIPPER = FIXTURES / "check" / "gripper_2f" / "gripper_2f.xml"
@@ -23,7 +23,7 @@ GRIPPER = FIXTURES / "check" / "gripper_2f" / "gripper_2f.xml"
 @pytest.fixture(scope="module")
 def gripper():
     """An examination whose exact run ends early, and the chapters that were made on the way."""
-    exam = begin(str(GRIPPER), Wish(budget_s=1.0))
+    exam = begin(str(GRIPPER), CheckOptions(budget=1.0))
     early = {part: CHAPTERS[part](exam) for part in examine(exam)}
     return exam, early
 

@@ -16,12 +16,12 @@ from oarlock.base.numbers import figure
 from oarlock.diagnosis.examination import begin, examine
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.wrenches import Series, Wrench
+from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page import pictures
 from oarlock.diagnosis.page.blocks import plain
 from oarlock.diagnosis.page.motion import SIDE, VISIBLE, Skeleton, motion
 from oarlock.diagnosis.page.page import html_fragment, markdown_text, write_page
 from oarlock.diagnosis.verdict.findings import found as finding
-from oarlock.diagnosis.wish import Wish
 from places import FIXTURES
 
 CHECKED = FIXTURES / "check"
@@ -33,9 +33,9 @@ MEGABYTES = 5.0
 TITLES = ["Findings", "The loops", "The start", "Drift", "Why", "What would hold it", "Forces"]
 
 
-def examined(name, budget_s=2.0):
+def examined(name, budget=2.0):
     """An examination, all of it."""
-    exam = begin(name if "." not in name else str(CHECKED / name), Wish(budget_s=budget_s))
+    exam = begin(name if "." not in name else str(CHECKED / name), CheckOptions(budget=budget))
     for _ in examine(exam):
         pass
     return exam
@@ -314,7 +314,7 @@ def test_the_gap_is_seen_and_the_mechanism_is_on_the_drawing(four_bar):
 
 
 def test_a_point_of_the_world_stays():
-    exam = begin("bricard", Wish(budget_s=0.0, duration_s=0.01))
+    exam = begin("bricard", CheckOptions(budget=0.0, duration=0.01))
     for part in examine(exam):
         if part == "run":
             break
@@ -329,7 +329,7 @@ def test_a_point_of_the_world_stays():
 
 def test_gaps_over_time_are_openings():
     """A weld's rotation rows are turned into an angle."""
-    exam = begin("welded_frame", Wish(budget_s=0.0, duration_s=0.2))
+    exam = begin("welded_frame", CheckOptions(budget=0.0, duration=0.2))
     for part in examine(exam):
         if part == "run":
             break
@@ -371,7 +371,7 @@ def loaded(exam):
 
 
 def test_pages_are_small(pages, tmp_path):
-    many = begin(str(CHECKED / "thirty_equalities.xml"), Wish(budget_s=0.0))
+    many = begin(str(CHECKED / "thirty_equalities.xml"), CheckOptions(budget=0.0))
     for part in examine(many):
         if part == "remedy":
             break

@@ -11,10 +11,10 @@ from gallery import looked_at
 from oarlock import InputError
 from oarlock.diagnosis.examination import begin
 from oarlock.diagnosis.loops.gaps import Opening
+from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.findings import Finding, found
 from oarlock.diagnosis.verdict.verdicts import judge
-from oarlock.diagnosis.wish import Wish
 from oarlock.mechanics.prepare import INTEGRATORS
 from places import FIXTURES
 
@@ -24,14 +24,14 @@ LESS = 10.0
 """Times less a drift must be without the cause that was named: 1e2 and more, mostly."""
 
 
-def examined(file: Path | str, wish: Wish | None = None, **options) -> Any:
-    return looked_at(file, wish or Wish(duration_s=1.0), **options)
+def examined(file: Path | str, wish: CheckOptions | None = None, **options) -> Any:
+    return looked_at(file, wish or CheckOptions(duration=1.0), **options)
 
 
 @cache
 def as_it_is(name: str) -> tuple[Any, list[Finding]]:
     """A fixture with nothing asked for."""
-    exam = examined(CHECK / name, Wish())
+    exam = examined(CHECK / name, CheckOptions())
     return exam, judge(exam)
 
 
@@ -110,7 +110,7 @@ def test_a_model_whose_equalities_are_all_switched_off(tmp_path):
 
 def test_none_is_refused_with_its_file():
     with pytest.raises(InputError, match=r"none\.xml: no <equality> element"):
-        begin(str(CHECK / "none.xml"), Wish())
+        begin(str(CHECK / "none.xml"), CheckOptions())
 
 
 def test_all_redundant_says_it_once():
@@ -243,7 +243,7 @@ def test_implicit_damping_opens_a_gripper():
     assert only(findings, "D4").figures["share_stepping"] > 0.9
     explicit = examined(
         CHECK / "damped_gripper.xml",
-        Wish(),
+        CheckOptions(),
         integrator=INTEGRATORS["euler"],
         disableflags=int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP),
     )
@@ -278,7 +278,7 @@ def test_thirty_equalities_are_told_by_groups():
     named = [
         name for one in of(findings, "D1") + of(findings, "D2") for name in [one.element, *one.figures.get("also", [])]
     ]
-    beyond = [one.equality for one in exam.drifts if one.level == "position" and one.largest > exam.wish.target]
+    beyond = [one.equality for one in exam.drifts if one.level == "position" and one.largest > exam.options.target]
     assert sorted(named) == sorted(beyond)
     assert only(findings, "L6").element == "parking_hook"
     assert only(findings, "D2").element == "string"
@@ -287,7 +287,7 @@ def test_thirty_equalities_are_told_by_groups():
 
 def test_scale_is_that_of_the_row_that_drifts():
     """A row of the hopper's hinge is 1e6 times too soft, and holds nothing: it is not named."""
-    findings = judge(examined(FIXTURES / "hopper.xml", Wish()))
+    findings = judge(examined(FIXTURES / "hopper.xml", CheckOptions()))
     assert "D1" in codes(findings)
     assert "D5" not in codes(findings)
 
@@ -298,7 +298,7 @@ def test_contacts_do_not_keep_the_rest_from_an_answer():
         "between t = 0.758 and 1.998 s; contact between geoms 'table' and 'coupler'"
     )
     assert exam.recipe.reached
-    ignored = examined(CHECK / "contacts.xml", Wish(ignore_inequalities=True, budget_s=0))
+    ignored = examined(CHECK / "contacts.xml", CheckOptions(ignore_inequalities=True, budget=0))
     assert "contacts" in ignored.ignored
     assert "R2" not in codes(judge(ignored))
     assert ignored.exact.end.how == "finished"

@@ -30,7 +30,7 @@ def document(exam: Examination, findings: Sequence[Finding]) -> dict[str, Any]:
             "laws": exam.laws,
             "timestep_s": exam.timestep_s,
             "duration_s": exam.duration_s,
-            "target": exam.wish.target,
+            "target": exam.options.target,
             "ignored": exam.ignored,
             "missing": exam.missing,
             "loops": _loops(exam),

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import get_args
 
 import mujoco
 import numpy as np
@@ -12,12 +12,11 @@ from oarlock.base.errors import InputError, choose
 from oarlock.cases import case_file
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import CaseFile
+from oarlock.diagnosis.options import Controls
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import element_name
 
-Kind = Literal["keyframe", "constant", "random"]
-
-KINDS: list[Kind] = ["keyframe", "constant", "random"]
+KINDS: list[Controls] = list(get_args(Controls))
 
 FREQUENCIES_HZ = (0.3, 3.0)
 """Between these the random sines lie: slow enough for a motor, fast enough to move within a second."""
@@ -30,7 +29,7 @@ _ACTUATOR = mujoco.mjtObj.mjOBJ_ACTUATOR
 
 def laws(
     model: mujoco.MjModel,
-    kind: Kind,
+    kind: Controls,
     key: str | int | None = None,
     seed: int = 0,
     values: Mapping[str, float] | None = None,

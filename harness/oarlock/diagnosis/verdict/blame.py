@@ -85,7 +85,7 @@ def drift(exam: Examination) -> Iterator[Finding]:
     causes: dict[tuple[str, int], list[tuple[Share, Drift, str]]] = {}
     for share in exam.attribution.shares:
         worst = position(exam, share.name)
-        if worst is None or worst.largest <= exam.wish.target or not math.isfinite(share.worst):
+        if worst is None or worst.largest <= exam.options.target or not math.isfinite(share.worst):
             continue
         if share.name in beyond or share.leading == "start":  # the start has its own finding
             continue
@@ -245,7 +245,7 @@ def version(exam: Examination) -> Iterator[Finding]:
         rows = exam.recording.layout.of_equality(_place(exam, share))
         own, now = response[:, rows], position(exam, share.name)
         peak = float(own.max(initial=0.0))
-        if now is None or not peak > max(exam.wish.target, OLDER * now.largest):
+        if now is None or not peak > max(exam.options.target, OLDER * now.largest):
             continue
         step, row = np.unravel_index(int(own.argmax()), own.shape)
         unit = exam.recording.layout.units[rows.start + int(row)]

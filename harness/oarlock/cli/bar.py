@@ -1,0 +1,43 @@
+"""The progress bar of every command that has one."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Bars
+
+from oarlock.base.progress import Progress
+
+
+class _Bar(Progress):
+    """One bar, and a line for everything that is finished."""
+
+    def __init__(self, bars: Bars):
+        self._bars = bars
+        self._task = bars.add_task("")
+
+    def begin(self, what: str, total: int, kept: int = 0) -> None:
+        self._bars.reset(self._task, description=what, total=total, completed=kept)
+        if kept:
+            self._print(f"{what}: {kept} of {total} kept from before")
+
+    def advance(self, count: int) -> None:
+        self._bars.advance(self._task, count)
+
+    def finished(self, label: str, seconds: float | None = None, message: str = "") -> None:
+        took = "" if seconds is None else f"  {seconds:.1f} s"
+        self._print(f"  {label}{took}" + (f"  [{message}]" if message else ""))
+
+    def _print(self, text: str) -> None:
+        self._bars.console.print(text, highlight=False, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def bar(*, always: bool = False) -> Iterator[Progress]:
+    """A progress bar on standard error, where somebody looks at one; elsewhere its lines if ``always``, or nothing."""
+    stream = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    times = (TimeElapsedColumn(), TimeRemainingColumn())
+    with Bars(*columns, *times, console=stream, transient=True, disable=not stream.is_terminal) as bars:
+        yield _Bar(bars) if always or stream.is_terminal else Progress()

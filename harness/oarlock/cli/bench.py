@@ -1,0 +1,108 @@
+"""``oarlock bench``: tables of costs."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from oarlock.base.numbers import short
+from oarlock.cli.console import JsonOption, emit_json, ends, say
+
+
+@ends()
+def bench(
+    size: Annotated[
+        list[int] | None, typer.Option(metavar="N", help="Solvers only: rows, a multiple of 6; may be repeated.")
+    ] = None,
+    model: Annotated[
+        list[str] | None, typer.Option(metavar="MODEL", help="Steps only: of this model; may be repeated.")
+    ] = None,
+    with_growth: Annotated[
+        bool,
+        typer.Option("--growth", help="Growth only: a step and its parts against the number of loops."),
+    ] = False,
+    growth_report: Annotated[
+        Path | None, typer.Option("--growth-report", metavar="DIR", help="The same, and its page in a folder.")
+    ] = None,
+    rounds: Annotated[int, typer.Option(min=1, help="Interleaved rounds, of which the median counts.")] = 9,
+    as_json: JsonOption = None,
+) -> None:
+    """Times solvers beside the pseudo-inverses of Rust's libraries, and steps beside mj_step, as ratios of one run.
+
+    With --growth also how the cost of a step grows with the size of a mechanism, and where its time goes.
+    """
+    from oarlock.bench import growth
+    from oarlock.bench import solvers as benchmark
+    from oarlock.bench import steps as stepping_bench
+
+    rows, steps, grown = [], [], None
+    growing = with_growth or growth_report is not None
+    everything = not (size or model or growing)
+    for table in benchmark.bench(size, rounds) if size or everything else ():
+        rows += table
+        if as_json != "-":
+            _print_bench(table)
+    for table in stepping_bench.bench_stepping(model or stepping_bench.MODELS, rounds) if model or everything else ():
+        steps += table
+        if as_json != "-":
+            _print_stepping_bench(table)
+    if growing:
+        grown = growth.bench_growth(rounds=rounds)
+        if as_json != "-":
+            _print_growth(grown)
+    document = benchmark.document(rows, steps, grown)
+    if as_json:
+        emit_json(document, as_json)
+    if grown and growth_report:
+        from oarlock.bench.growth_report import write_growth_report
+
+        say(f"oarlock: written: {write_growth_report(grown, document['provenance'], growth_report) / 'README.md'}")
+
+
+def _print_growth(grown: dict[str, Any]) -> None:
+    from oarlock.bench.growth import PARTS, STEP
+
+    fits = {(row["name"], row["part"]): row for row in grown["exponents"]}
+    for name in dict.fromkeys(row["name"] for row in grown["rows"]):
+        own = [row for row in grown["rows"] if row["name"] == name]
+        table = Table(box=None, header_style="bold", pad_edge=False, title=name, title_justify="left")
+        table.add_column("µs a step", no_wrap=True)
+        for title in (*(f"N = {row['loops']}" for row in own), "exponent", "of many loops"):
+            table.add_column(title, justify="right", no_wrap=True)
+        costs = {STEP: [row["step_us"] for row in own]}
+        costs |= {part: [row["parts_us"][part] for row in own] for part in own[0]["parts_us"]}
+        for part, values in costs.items():
+            fit = fits[(name, part)]
+            cells = [short(value) for value in (*values, fit["all"], fit["many"])]
+            table.add_row(PARTS.get(part, f"whole {part}"), *cells)
+        (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+
+
+def _print_stepping_bench(rows: list[dict[str, Any]]) -> None:
+    table = Table(box=None, header_style="bold", pad_edge=False, title=rows[0]["model"], title_justify="left")
+    table.add_column("a step of", no_wrap=True)
+    for title in ("time", "to mj_step", "to its fastest setting", "cores gain"):
+        table.add_column(title, justify="right", no_wrap=True)
+    for row in rows:
+        gain = f"{row['speedup']:.2f} ×" if row["speedup"] else ""
+        ratios = (f"{row['ratio']:.2f}", f"{row['ratio_to_fastest']:.2f}", gain)
+        table.add_row(row["name"], f"{row['step_us']:.2f} µs", *ratios)
+    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+
+
+def _print_bench(rows: list[dict[str, Any]]) -> None:
+    columns = ["from the step", "ratio", "from A and b", "ratio", "min-norm error", "contradicted", "products"]
+    table = Table(box=None, header_style="bold", pad_edge=False, title=f"n = {rows[0]['n']}", title_justify="left")
+    table.add_column("solver", no_wrap=True)
+    for title in columns:
+        table.add_column(title, justify="right", no_wrap=True)
+    best = min((row for row in rows if row["right"] and not row["library"]), key=lambda row: row["solve_ns"])
+    for row in rows:
+        mark = " *" if row is best else "" if row["right"] else " (not the minimum norm)"
+        cells = [f"{row['solve_ns']:.0f} ns", f"{row['solve_ratio']:.3f}", f"{row['given_ns']:.0f} ns"]
+        cells += [f"{row['given_ratio']:.3f}", f"{row['min_norm_error']:.1e}", f"{row['contradicted_error']:.1e}"]
+        table.add_row(row["name"] + mark, *cells, f"{row['products']:.1f}")
+    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)

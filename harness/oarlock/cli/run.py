@@ -1,0 +1,119 @@
+"""``oarlock run``: what it prints, and its exit status."""
+
+from pathlib import Path
+from typing import Annotated, get_args
+
+import typer
+from rich.table import Table
+
+from oarlock.base.errors import InputError
+from oarlock.base.numbers import short
+from oarlock.cases.case import load_case
+from oarlock.cases.case_file import Integrator, Stabilisation
+from oarlock.cli.bar import bar
+from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, one_of, say
+from oarlock.experiments import session
+from oarlock.experiments.modes import ASKED
+from oarlock.experiments.options import FORMS, RunOptions, Stepping
+from oarlock.experiments.outcome import Results, ending
+from oarlock.render.folder import CONTENTS, require_report
+
+_COLUMNS = {
+    "run": "run",
+    "status": "status",
+    "iterations_mean": "iterations",
+    "min_norm_error_max": "min-norm error",
+    "qacc_rel_diff_max": "qacc diff",
+    "drift_pos_max": "drift",
+    "truth_error_max": "truth error",
+}
+
+
+def _print_summary(results: Results) -> None:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in _COLUMNS.values():
+        table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
+    for row in results.rows:
+        table.add_row(*(short(row[name]) for name in _COLUMNS))
+    console().print(table)
+
+
+@ends()
+def run(
+    model: Annotated[
+        str, typer.Argument(metavar="MODEL[:key=value,…]|FILE.xml", help="A model's name, or any MJCF file.")
+    ],
+    solver: Annotated[
+        list[str] | None, typer.Option(metavar="NAME[:key=value,…]", help="Solver; may be repeated.")
+    ] = None,
+    form: Annotated[str | None, typer.Option(help=one_of(FORMS))] = None,
+    mode: Annotated[str | None, typer.Option(help=one_of(ASKED))] = None,
+    walker: Annotated[str | None, typer.Option(help="Who walks in lockstep: mujoco or a solver.")] = None,
+    integrator: Annotated[str | None, typer.Option(help=one_of(get_args(Integrator)))] = None,
+    stabilisation: Annotated[
+        str | None, typer.Option(help=f"What holds exact constraints: {one_of(get_args(Stabilisation))}")
+    ] = None,
+    timestep: Annotated[float | None, typer.Option(metavar="S", help="Timestep in s.")] = None,
+    duration: Annotated[float | None, typer.Option(metavar="S", help="Duration in s.")] = None,
+    rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the solvers that have one.")] = None,
+    ignore_inequalities: Annotated[
+        bool, typer.Option("--ignore-inequalities", help="Run without the model's contacts, limits and friction.")
+    ] = False,
+    stepping: Annotated[str, typer.Option(help=f"The path that steps: {one_of(get_args(Stepping))}")] = "auto",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the tables [default: results/MODEL].")
+    ] = None,
+    to: Annotated[
+        Path | None, typer.Option("--report", metavar="DIR", help="Write the report too, as 'oarlock report' does.")
+    ] = None,
+    as_json: JsonOption = None,
+) -> None:
+    """Runs a model's comparison. With none of the options before --timestep it runs the experiments of its case."""
+    options = RunOptions(
+        solver=solver or (),
+        form=form,
+        mode=mode,
+        walker=walker,
+        integrator=integrator,
+        stabilisation=stabilisation,
+        timestep=timestep,
+        duration=duration,
+        rtol=rtol,
+        ignore_inequalities=ignore_inequalities,
+        stepping=stepping,
+    )
+    folder = out or Path("results") / load_case(model).slug
+    if to:
+        _require_place(to, folder)
+    with bar() as progress:
+        results = session.run(model, options, out=folder, progress=progress)
+    if as_json:
+        emit_json(results.document(), as_json)
+    if as_json != "-":
+        _print_summary(results)
+    if "inequalities_ignored" in results.provenance:
+        say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
+    for row in results.rows:
+        if row["status"] != "done":
+            say(f"oarlock: run {row['run']} {row['status']}: {ending(row)}")
+    for verdict in results.failures:
+        say(f"oarlock: gate failed: {verdict.line()}")
+    unchecked = sum(verdict.held is None for verdict in results.verdicts)
+    if unchecked:
+        say(
+            f"oarlock: {unchecked} gate(s) of the case not checked: "
+            "no run at the case's own parameters, timestep and duration"
+        )
+    if to:
+        from oarlock.report.case_report import write_report
+
+        say(f"oarlock: written: {write_report(folder, to) / 'README.md'}")
+    if results.failures:
+        raise typer.Exit(GATE_FAILED)
+
+
+def _require_place(report: Path, results: Path) -> None:
+    """Before a run, for what is wrong with the place of its report would be said only after it."""
+    if results.resolve().is_relative_to(report.resolve()):
+        raise InputError(f"'{report}' is where the results go, expected another folder for the report")
+    require_report(report, CONTENTS)

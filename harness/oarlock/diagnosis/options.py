@@ -1,0 +1,62 @@
+"""What a user may ask of a check."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from oarlock.base.errors import InputError, choose
+from oarlock.cases.case_file import Integrator
+
+Controls = Literal["keyframe", "constant", "random"]
+"""Where the controls of a run come from."""
+
+TARGET = 1e-6
+"""Wanted drift, m or rad, unless it is asked for: a thousandth of a millimetre."""
+
+BUDGET_S = 8.0
+"""Time for the runs that look for a recipe."""
+
+
+@dataclass(frozen=True)
+class CheckOptions:
+    """What may be asked of a check besides the file; what is left out is chosen, and told.
+
+    Attributes:
+        keyframe: name or number of the keyframe to start from; None: the first one, or the model's own pose.
+        controls: ``keyframe``, ``constant`` or ``random``; chosen by what the model has if left out.
+        control: actuator → constant control.
+        seed: of random controls.
+        duration: of the run, s.
+        timestep: in place of the model's, s.
+        integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``, in place of the model's.
+        target: wanted drift, m or rad.
+        budget: time for the runs that look for settings, s; 0: none are looked for.
+        ignore_inequalities: without contacts, limits and friction, on both sides.
+        fail_above: bound on the drift, m or rad; beyond it there is an error among the findings.
+
+    Raises:
+        InputError: an unknown integrator or kind of controls, or a number out of range.
+    """
+
+    keyframe: str | None = None
+    controls: str | None = None
+    control: Mapping[str, float] = field(default_factory=dict)
+    seed: int = 0
+    duration: float | None = None
+    timestep: float | None = None
+    integrator: str | None = None
+    target: float = TARGET
+    budget: float = BUDGET_S
+    ignore_inequalities: bool = False
+    fail_above: float | None = None
+
+    def __post_init__(self):
+        for what in ("duration", "timestep", "target"):
+            value = getattr(self, what)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise InputError(f"--{what} = {value:g}, expected a finite number > 0")
+        if self.integrator is not None:
+            choose("integrator", self.integrator, get_args(Integrator))
+        if self.controls is not None:
+            choose("kind of controls", self.controls, get_args(Controls))

@@ -1,0 +1,90 @@
+"""What a user may ask of a run."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from oarlock.base.errors import InputError, choose
+from oarlock.cases.case_file import Form, Integrator, Stabilisation
+from oarlock.cases.conditions import Conditions
+from oarlock.experiments.modes import ASKED
+from oarlock.stepping.solvers import SolverSpec
+
+FORMS: dict[str, list[Form]] = {"matched": ["matched"], "hard": ["hard"], "both": ["matched", "hard"]}
+"""What may be asked for → the forms that it means."""
+
+Stepping = Literal["auto", "native", "python"]
+"""Which path steps; ``auto`` is the native one where it can be taken."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What is asked of a run. What is left out comes from the case of the model.
+
+    Attributes:
+        solver: solver specifications, such as ``"sr1:eps_abs=1e-7"``, one or several.
+        form: ``matched`` (MuJoCo's own softness), ``hard`` (exact constraints) or ``both``.
+        mode: ``lockstep``, ``one-step``, ``free`` or ``all``.
+        walker: who walks in lockstep: ``mujoco`` or a solver, which then walks in the hard form.
+        integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``.
+        stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``.
+        timestep: timestep, s.
+        duration: duration, s.
+        rtol: relative tolerance of the solvers that have one.
+        ignore_inequalities: run without the model's contacts, limits and friction, MuJoCo too; the provenance says
+            what was left out. Without it a run in which one becomes active is refused.
+        stepping: ``native`` (the compiled step loops), ``python`` (the same, readable and slow) or ``auto``: native if
+            MuJoCo is of the version that they were built against.
+        threads: native runs at once; as many as there are cores if left out. Times of solves are best taken with one.
+
+    Raises:
+        InputError: an unknown name, or a number out of range.
+    """
+
+    solver: Sequence[str] | str = ()
+    form: str | None = None
+    mode: str | None = None
+    walker: str | None = None
+    integrator: str | None = None
+    stabilisation: str | None = None
+    timestep: float | None = None
+    duration: float | None = None
+    rtol: float | None = None
+    ignore_inequalities: bool = False
+    stepping: str = "auto"
+    threads: int | None = None
+
+    def __post_init__(self):
+        for name, value in (("timestep", self.timestep), ("duration", self.duration)):
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
+        if self.threads is not None and self.threads < 1:
+            raise InputError(f"threads = {self.threads}, expected a number ≥ 1")
+        choices = (
+            ("mode", self.mode, list(ASKED)),
+            ("form", self.form, list(FORMS)),
+            ("integrator", self.integrator, get_args(Integrator)),
+            ("stabilisation", self.stabilisation, get_args(Stabilisation)),
+            ("stepping", self.stepping, get_args(Stepping)),
+        )
+        for what, name, valid in choices:
+            if name is not None:
+                choose(what, name, valid)
+        for text in (*self.solvers, *filter(None, [self.walker])):
+            SolverSpec.parse(text)
+
+    @property
+    def solvers(self) -> tuple[str, ...]:
+        """The specifications of the solvers."""
+        return (self.solver,) if isinstance(self.solver, str) else tuple(self.solver)
+
+    @property
+    def whole_case(self) -> bool:
+        """Whether the case's own experiments are asked for."""
+        return not (self.solvers or self.form or self.mode or self.walker or self.integrator or self.stabilisation)
+
+    @property
+    def conditions(self) -> Conditions:
+        """What of them differs from the conditions of the case."""
+        return Conditions(self.timestep, self.duration, self.ignore_inequalities)
