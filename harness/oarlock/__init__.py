@@ -7,24 +7,50 @@ between two folders of them, ``check`` why the loops of a file come apart and wh
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
     >>> results = oarlock.run("boat", mode="free", duration=1.0)
     >>> results.summary, results.steps
+
+Each name is loaded when it is first asked for.
 """
 
-from oarlock.base.core import VERSION, make_solver
-from oarlock.base.errors import InputError
-from oarlock.cases.case import load_case, model_names, variant_names
-from oarlock.compare.compare import Difference, diff
-from oarlock.diagnosis.checked import Checked, check
-from oarlock.experiments.outcome import Results
-from oarlock.experiments.session import run
-from oarlock.stepping.solvers import solver_names
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__version__ = VERSION
+if TYPE_CHECKING:
+    from oarlock.base.core import make_solver
+    from oarlock.base.errors import InputError
+    from oarlock.base.progress import Progress
+    from oarlock.cases.case import load_case, model_names, variant_names
+    from oarlock.compare.compare import Difference, diff
+    from oarlock.diagnosis.checked import Checked, check
+    from oarlock.diagnosis.options import CheckOptions
+    from oarlock.experiments.options import RunOptions
+    from oarlock.experiments.outcome import Results
+    from oarlock.experiments.session import run
+    from oarlock.stepping.solvers import solver_names
+
+    __version__: str
+
+_PLACES = {
+    "base.core": ("make_solver",),
+    "base.errors": ("InputError",),
+    "base.progress": ("Progress",),
+    "cases.case": ("load_case", "model_names", "variant_names"),
+    "compare.compare": ("Difference", "diff"),
+    "diagnosis.checked": ("Checked", "check"),
+    "diagnosis.options": ("CheckOptions",),
+    "experiments.options": ("RunOptions",),
+    "experiments.outcome": ("Results",),
+    "experiments.session": ("run",),
+    "stepping.solvers": ("solver_names",),
+}
 
 __all__ = [
+    "CheckOptions",
     "Checked",
     "Difference",
     "InputError",
+    "Progress",
     "Results",
+    "RunOptions",
     "__version__",
     "check",
     "diff",
@@ -35,3 +61,19 @@ __all__ = [
     "solver_names",
     "variant_names",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        found: Any = import_module("oarlock.base.core").VERSION
+    else:
+        place = next((place for place, names in _PLACES.items() if name in names), None)
+        if place is None:
+            raise AttributeError(f"module 'oarlock' has no attribute '{name}'")
+        found = getattr(import_module(f"oarlock.{place}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -8,6 +8,7 @@ import sys
 import time
 from pathlib import Path
 
+import oarlock
 import pytest
 from mechanisms import COMMAND, boat_copy, four_bar, only, write_model
 from oarlock import model_names
@@ -43,12 +44,54 @@ def test_list(oarlock_command, oarlock_here):
     assert all(entry["name"] in plain.stdout and entry["title"] in plain.stdout for entry in entries)
 
 
-def test_a_command_loads_only_what_it_needs():
-    """Each of these takes a tenth of a second or more, and a command that does not use it would wait for it."""
-    heavy = ["altair", "vl_convert", "jinja2", "scipy.optimize", "scipy.interpolate", "oarlock.diagnosis.examination"]
-    code = f"import sys, oarlock.cli.app; print([name for name in {heavy} if name in sys.modules])"
+def loaded(code):
+    """What is loaded in a process of its own once some code has run: names of modules."""
+    code = f"import sys\ntry:\n    {code}\nexcept SystemExit:\n    pass\nprint(*sys.modules, file=sys.stderr)"
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
-    assert finished.stdout == "[]\n"
+    return finished.stderr.split()
+
+
+HEAVY = ["altair", "vl_convert", "jinja2", "scipy.optimize", "scipy.interpolate", "oarlock.diagnosis.examination"]
+"""Each of these takes a tenth of a second or more, and whoever does not use it would wait for it."""
+
+
+@pytest.mark.parametrize("command", ["", "run", "check", "diff", "suite"])
+def test_a_command_loads_only_what_it_needs(command):
+    asked = f"import oarlock.cli.{command or 'app'}"
+    assert [name for name in loaded(asked) if name in HEAVY] == []
+
+
+def test_the_front_door_loads_nothing():
+    names = loaded("import oarlock; oarlock.__all__, oarlock.__version__")
+    assert [name for name in names if name in (*HEAVY, "mujoco", "polars", "numpy")] == []
+
+
+DIFF_FILES = 16
+"""Files of ours that are read to compare two folders: those of the comparison, of tables and of errors; no engine."""
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "from oarlock.compare.compare import diff; diff(*{folders})",
+        "import oarlock; oarlock.diff(*{folders})",
+        "import oarlock.cli.app as a; sys.argv = ['oarlock', 'diff', *{folders}]; a.main()",
+    ],
+)
+def test_a_comparison_loads_no_engine(pair, code):
+    names = loaded(code.format(folders=[str(path) for path in pair]))
+    assert "oarlock.compare.figures" in names
+    packages = {name.rpartition(".")[0] for name in names}
+    files = [name for name in names if name.startswith("oarlock.") and name not in packages]
+    assert len(files) <= DIFF_FILES, files
+    assert "mujoco" not in names
+
+
+def test_every_public_name_is_there():
+    assert {name: getattr(oarlock, name) for name in oarlock.__all__}
+    assert set(oarlock.__all__) <= set(dir(oarlock))
+    with pytest.raises(AttributeError, match="no attribute 'dance'"):
+        _ = oarlock.dance
 
 
 def test_list_fits_a_terminal(oarlock_here, monkeypatch):

@@ -5,14 +5,16 @@ Every file is written under a temporary name and then moved, so that an interrup
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import reading, replacing, write_text
-from oarlock.tables.schema import RunResult
 from oarlock.tables.spool import GROUP
+
+if TYPE_CHECKING:
+    from oarlock.tables.schema import RunResult
 
 
 class ResultFolder:
@@ -27,7 +29,7 @@ class ResultFolder:
     def __init__(self, path: Path):
         self.path = path
 
-    def write_steps(self, result: RunResult) -> None:
+    def write_steps(self, result: "RunResult") -> None:
         """Writes the steps of a finished run."""
         with replacing(self.steps_path(result.key.slug)) as temporary:
             result.table().sink_parquet(temporary, compression="zstd", row_group_size=GROUP)

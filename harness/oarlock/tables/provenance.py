@@ -11,10 +11,12 @@ import os
 import platform
 import subprocess
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from oarlock.base import core
-from oarlock.cases.case import Case
+
+if TYPE_CHECKING:
+    from oarlock.cases.case import Case
 
 OCCASION = ("commit", "date", "cores", "kernel")
 """Keys of a provenance that differ from one occasion to the next."""
@@ -43,7 +45,7 @@ def versions() -> dict[str, Any]:
     }
 
 
-def inputs(case: Case) -> dict[str, Any]:
+def inputs(case: "Case") -> dict[str, Any]:
     """Returns the versions, the kind of machine and digests of the case's files."""
     return {
         **versions(),
