@@ -8,10 +8,12 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+import polars as pl
 from oarlock.cases.case import MODELS, Case, load_case
 from oarlock.cases.case_file import CaseFile
 from oarlock.cases.conditions import Conditions
 from oarlock.experiments.laboratory import Laboratory
+from oarlock.experiments.outcome import Results
 from oarlock.stepping.prepared import PreparedCase
 
 INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
@@ -162,6 +164,11 @@ def reference_script(model: str) -> ModuleType:
 def relative(value: Any, expected: Any) -> float:
     """‖value − expected‖ / ‖expected‖."""
     return float(np.linalg.norm(np.asarray(value) - expected) / np.linalg.norm(expected))
+
+
+def frames_of(results: Results) -> list[pl.DataFrame]:
+    """The steps, a table a run."""
+    return pl.collect_all(results.tables)
 
 
 def only(rows: list[dict[str, Any]], **where: Any) -> dict[str, Any]:

@@ -1,23 +1,29 @@
 """oarlock: cross-validates closed-chain MuJoCo models.
 
 ``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison, ``diff`` what changed
-between two folders of them, ``check`` why the loops of a file come apart and what would hold them:
+between two folders of them, ``check`` why the loops of a file come apart and what would hold them, ``suite`` and
+``sweep`` the runs of many models, ``reactions`` what goes through the equalities of one state:
 
     >>> import oarlock
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
     >>> results = oarlock.run("boat", mode="free", duration=1.0)
     >>> results.summary, results.steps
 
-Each name is loaded when it is first asked for.
+Each of ``run``, ``check``, ``diff``, ``suite`` and ``sweep`` gives an ``Answer``: its ``document`` is the command's
+JSON, ``report`` writes its page, its tables are polars frames, and a notebook shows it. Arguments are named as the
+command's flags. A name is loaded when it is first asked for.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from oarlock.base.answer import Answer
     from oarlock.base.core import make_solver
     from oarlock.base.errors import InputError
     from oarlock.base.progress import Progress
+    from oarlock.batch.session import suite, sweep
+    from oarlock.batch.suite import Suite, Sweep
     from oarlock.cases.case import load_case, model_names, variant_names
     from oarlock.compare.compare import Difference, diff
     from oarlock.diagnosis.checked import Checked, check
@@ -30,9 +36,12 @@ if TYPE_CHECKING:
     __version__: str
 
 _PLACES = {
+    "base.answer": ("Answer",),
     "base.core": ("make_solver",),
     "base.errors": ("InputError",),
     "base.progress": ("Progress",),
+    "batch.session": ("suite", "sweep"),
+    "batch.suite": ("Suite", "Sweep"),
     "cases.case": ("load_case", "model_names", "variant_names"),
     "compare.compare": ("Difference", "diff"),
     "diagnosis.checked": ("Checked", "check"),
@@ -44,6 +53,7 @@ _PLACES = {
 }
 
 __all__ = [
+    "Answer",
     "CheckOptions",
     "Checked",
     "Difference",
@@ -51,6 +61,8 @@ __all__ = [
     "Progress",
     "Results",
     "RunOptions",
+    "Suite",
+    "Sweep",
     "__version__",
     "check",
     "diff",
@@ -59,6 +71,8 @@ __all__ = [
     "model_names",
     "run",
     "solver_names",
+    "suite",
+    "sweep",
     "variant_names",
 ]
 

@@ -106,7 +106,7 @@ def test_a_notebook_shows_names_as_text(hostile):
 def test_frame(pair):
     set_figure(pair[1], drift_pos_max=1.0, status="diverged")
     found = oarlock.diff(*pair)
-    frame = found.frame
+    frame = found.figures
     assert len(frame) == len(found.comparisons)
     worse = frame.filter(pl.col("verdict") == "worse")
     assert worse["figure"].to_list() == ["status", "drift_pos_max"]

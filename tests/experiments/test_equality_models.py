@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from mechanisms import four_bar, only, reference_script, setup_of, write_model
+from mechanisms import four_bar, frames_of, only, reference_script, setup_of, write_model
 from oarlock import load_case, run
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.truth import load_truth
@@ -85,7 +85,7 @@ def test_the_gear_of_the_gripper_carries_half_the_torque():
     """Mirror images move alike, so that each finger gets half: λ = τ/2, with no engine's help."""
     case = load_case("gripper")
     results = run("gripper", mode="free", form="hard", solver="pinv", duration=1.0)
-    (steps,) = [steps for row, steps in zip(results.rows, results.frames, strict=True) if row["mode"] == "free"]
+    (steps,) = [steps for row, steps in zip(results.rows, frames_of(results), strict=True) if row["mode"] == "free"]
     multipliers = np.array(steps["multipliers"].to_list())[:, -1]  # the gear is the last equality, of one row
     torque = np.array([case.file.drive.laws()["motor"].at(time) for time in steps["time_s"]])
     assert np.abs(torque).max() > 0.003

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from mechanisms import INTEGRATORS, boat_copy, four_bar, only, relative, write_model
+from mechanisms import INTEGRATORS, boat_copy, four_bar, frames_of, only, relative, write_model
 from oarlock import InputError, run
 from tolerances import (
     CALIBRATION,
@@ -35,7 +35,7 @@ FROZEN_ITERATIONS = {
 def qpos(results, mode, **where):
     """The positions of one run, (steps, nq)."""
     row = only(results.rows, mode=mode, **where)
-    frame = results.frames[results.rows.index(row)]
+    frame = frames_of(results)[results.rows.index(row)]
     return np.array(frame["qpos"].to_list())
 
 
@@ -127,7 +127,7 @@ def test_duplicated_equality_changes_nothing(tmp_path, solver, tolerance):
     assert relative(qpos(double, "free"), qpos(single, "free")) <= tolerance
     # The same force on the loop, shared evenly by both: that is the minimum norm, which sr1 keeps here, for the
     # null space of rows that are copies does not turn.
-    one, two = (np.array(results.frames[-1]["multipliers"].to_list()) for results in (single, double))
+    one, two = (np.array(frames_of(results)[-1]["multipliers"].to_list()) for results in (single, double))
     assert relative(two[:, :3], one / 2) <= tolerance
     assert relative(two[:, 3:], one / 2) <= tolerance
 
@@ -183,7 +183,7 @@ def test_every_gate_of_the_boat_holds(boat_run):
 def test_divergence_is_a_result(timestep_s):
     results = run("boat", solver=["pinv", "sr1", "mujoco"], mode="free", timestep=timestep_s, duration=12.0)
     assert len(results.rows) == 6
-    for row, frame in zip(results.rows, results.frames, strict=True):
+    for row, frame in zip(results.rows, frames_of(results), strict=True):
         assert row["status"] == "diverged"
         step = re.match(r"step (\d+), t = \d+(\.\d+)? s: ", row["message"])
         assert step is not None

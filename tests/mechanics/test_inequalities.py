@@ -4,7 +4,7 @@ import json
 
 import mujoco
 import pytest
-from mechanisms import case_of, four_bar, setup_of, write_model
+from mechanisms import case_of, four_bar, frames_of, setup_of, write_model
 from oarlock import InputError, run
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.report.case_report import write_report
@@ -37,7 +37,7 @@ def test_ignored_model_runs_as_one_that_has_none(tmp_path):
     found = run(path, ignore_inequalities=True, **SHORT)
     expected = run(bare, **SHORT)
     assert [row["run"] for row in found.rows] == [row["run"] for row in expected.rows]
-    for ours, theirs in zip(found.frames, expected.frames, strict=True):
+    for ours, theirs in zip(frames_of(found), frames_of(expected), strict=True):
         for qpos1, qpos2 in zip(ours["qpos"], theirs["qpos"], strict=True):
             assert (qpos1 - qpos2).abs().max() <= FREE_PARITY
     (calibration,) = [row for row in found.rows if row["mode"] == "calibration"]

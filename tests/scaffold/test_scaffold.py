@@ -9,7 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from mechanisms import four_bar, only, setup_of, write_model
+from mechanisms import four_bar, frames_of, only, setup_of, write_model
 from oarlock import InputError, load_case, model_names, run
 from oarlock.cases import case as cases
 from oarlock.mechanics.mjcf import copy_model, differences
@@ -219,7 +219,7 @@ def test_timestep_follows_the_motion(tmp_path, monkeypatch, speed, halvings):
     paths = []
     for timestep in (0.002, 0.001, 0.0005):
         results = run(folder, mode="free", form="hard", solver="pinv", timestep=timestep, duration=0.2)
-        frame = results.frames[-1]
+        frame = frames_of(results)[-1]
         paths.append(np.array(frame["qpos"].to_list())[:: round(0.002 / timestep)])
     changes = [float(np.abs(paths[k] - paths[k + 1]).max()) for k in range(2)]
     assert [change <= survey.AGREES for change in changes] == ([False, True] if halvings else [True, True])

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from mechanisms import case_of, four_bar, only, parallelogram, setup_of, write_model
+from mechanisms import case_of, four_bar, frames_of, only, parallelogram, setup_of, write_model
 from oarlock import InputError, load_case, run
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.projection import TRACKED, Projection, Projector, gap
@@ -236,7 +236,7 @@ def test_projected_boat_stays_closed(integrator):
     assert row["projection_iterations_mean"] > 0
     if integrator == "rk4":
         assert row["truth_error_max"] <= HARD_DRIFT
-        steps = results.frames[-1]
+        steps = frames_of(results)[-1]
         assert (steps["projection_solves"] >= steps["projection_rounds"]).all()
         assert steps["projection"].to_list() == ["landed"] * 500
 
@@ -302,7 +302,7 @@ def test_projections_that_do_not_land_are_a_status():
     results = run(
         "boat", mode="free", form="hard", solver="pinv", integrator="euler", stabilisation="projection", timestep=0.1
     )
-    row, steps = only(results.rows, mode="free"), results.frames[-1]
+    row, steps = only(results.rows, mode="free"), frames_of(results)[-1]
     assert row["status"] in ("unprojected", "diverged")
     assert row["unprojected"] == (steps["projection"] != "landed").sum() > 0
     assert "too-far" in steps["projection"].to_list()
@@ -323,7 +323,7 @@ qvel = { crank = 3.0, coupler = -3.0, rocker = 3.0 }
     for stabilisation in ("projection", "baumgarte"):
         results = run(path, mode="free", form="hard", solver=solver, timestep=2e-3, stabilisation=stabilisation)
         rows[stabilisation] = only(results.rows, mode="free")
-        paths[stabilisation] = np.array(results.frames[-1]["qpos"].to_list())
+        paths[stabilisation] = np.array(frames_of(results)[-1]["qpos"].to_list())
     projected, turned = rows["projection"], paths["projection"]
     assert (projected["status"], projected["unprojected"]) == ("done", 0)
     assert np.ptp(turned[:, 0]) > 2 * np.pi

@@ -5,8 +5,8 @@ import pytest
 from mechanisms import setup_of
 from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case import load_case
-from oarlock.cases.conditions import Conditions
 from oarlock.cases.case_file import Baumgarte
+from oarlock.cases.conditions import Conditions
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.task import Task
 from oarlock.stepping.ending import Ending

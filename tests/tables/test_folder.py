@@ -7,7 +7,7 @@ import math
 import numpy as np
 import polars as pl
 import pytest
-from mechanisms import boat_copy, four_bar, only, write_model
+from mechanisms import boat_copy, four_bar, frames_of, only, write_model
 from oarlock import InputError, load_case, run
 from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.files import replacing, write_text
@@ -188,7 +188,7 @@ def test_every_run_has_its_table_of_one_schema(kept):
 
 def test_disk_holds_what_was_returned(kept):
     results, folder = kept
-    for row, frame in zip(results.rows, results.frames, strict=True):
+    for row, frame in zip(results.rows, frames_of(results), strict=True):
         assert ResultFolder(folder).read_steps(row["run"]).equals(frame, null_equal=True)
     document = ResultFolder(folder).read_json("summary.json")
     assert document == json.loads(json.dumps(results.document()))

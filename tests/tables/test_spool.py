@@ -17,7 +17,7 @@ import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mechanisms import only, setup_of
+from mechanisms import frames_of, only, setup_of
 from oarlock import InputError, load_case, run
 from oarlock.base.files import replacing
 from oarlock.experiments.sketch import TRACE_POINTS, traced
@@ -178,7 +178,7 @@ def test_a_run_on_disk_is_the_run_in_memory(tmp_path, tiny, monkeypatch, steppin
             assert {k: v for k, v in ours.items() if k not in TIMING_FIGURES} == {
                 k: v for k, v in theirs.items() if k not in TIMING_FIGURES
             }
-        for ours, theirs in zip(results.frames, short.frames, strict=True):
+        for ours, theirs in zip(frames_of(results), frames_of(short), strict=True):
             assert ours.schema == theirs.schema
             assert ours.drop(TIMED).equals(theirs.drop(TIMED), null_equal=True)
         assert results.steps.drop(TIMED).equals(short.steps.drop(TIMED), null_equal=True)
@@ -186,11 +186,11 @@ def test_a_run_on_disk_is_the_run_in_memory(tmp_path, tiny, monkeypatch, steppin
 
 def test_a_kept_run_is_read_from_where_it_is_kept(tmp_path, tiny):
     results = run("boat", mode="free", solver="mujoco", duration=0.1, out=tmp_path)
-    for row, frame in zip(results.rows, results.frames, strict=True):
+    for row, frame in zip(results.rows, frames_of(results), strict=True):
         assert ResultFolder(tmp_path).read_steps(row["run"]).equals(frame, null_equal=True)
         ResultFolder(tmp_path).steps_path(row["run"]).unlink()
     with pytest.raises(FileNotFoundError):
-        _ = results.frames
+        _ = frames_of(results)
 
 
 @settings(deadline=None, max_examples=40)

@@ -16,6 +16,9 @@ class Progress:
     def advance(self, count: int) -> None:
         """So much of the work was done."""
 
+    def note(self, text: str) -> None:
+        """Something that is worth knowing while the work goes on, in one line."""
+
     def finished(self, label: str, seconds: float | None = None, message: str = "") -> None:
         """Something with a name is finished.
 

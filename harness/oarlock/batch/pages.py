@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.files import write_text
 from oarlock.base.progress import Progress
 from oarlock.batch import digest
 from oarlock.batch.workers import Workers, dispatch
@@ -108,6 +109,29 @@ def write_sweep_pages(
     """
     named = {f"{path.parent.name}-{path.name}": path for path in sweeps if (path / "summary.json").is_file()}
     return _make(out, [Page(name, (path,), report / name, "sweep") for name, path in named.items()], workers, progress)
+
+
+def write_sweep_index(sweeps: Sequence[Path], report: Path) -> None:
+    """Writes the page that leads to those of the sweeps beside it, README.md and index.html.
+
+    Raises:
+        InputError: it cannot be written, or the summary of a suite is there.
+    """
+    from oarlock.render.page import page, render
+
+    if (report / "summary.json").exists():
+        raise InputError(f"'{report}' holds the report of a suite, expected a folder of its own for that of a sweep")
+    documents = {f"{path.parent.name}-{path.name}": _summary(path) for path in sweeps}
+    text = render("sweeps.md.j2", sweeps={name: one for name, one in documents.items() if one})
+    write_text(report / "README.md", text)
+    write_text(report / "index.html", page("Sweeps", text, [], {}))
+
+
+def _summary(sweep: Path) -> dict[str, Any] | None:
+    try:
+        return ResultFolder(sweep).read_json("summary.json")
+    except InputError:
+        return None
 
 
 def _order(path: Path) -> tuple[str, list[tuple[str, float]]]:

@@ -11,11 +11,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import polars as pl
+
+from oarlock.base.answer import Answer, html_table
+from oarlock.base.cores import cores
 from oarlock.base.errors import InputError, choose, few, one_line
 from oarlock.base.options import split_options
 from oarlock.base.progress import Progress
+from oarlock.batch import pages
 from oarlock.batch.sweep import (
     Axis,
+    flat,
     folder_name,
     missing,
     plan_sweep,
@@ -25,7 +31,7 @@ from oarlock.batch.sweep import (
     write_table,
 )
 from oarlock.batch.unit import Unit, plan_units, run_unit
-from oarlock.batch.workers import Workers, dispatch
+from oarlock.batch.workers import LocalWorkers, Workers, dispatch
 from oarlock.cases.case import Case, load_case, model_names, variant_names
 from oarlock.cases.point import KEYS
 from oarlock.experiments.outcome import Results, case_document, expectations
@@ -76,24 +82,50 @@ class Member:
         return self.ledger.folder
 
 
+COLUMNS = {"case": "case", "run": "run", "status": "status", "drift_pos_max": "drift", "truth_error_max": "truth error"}
+"""Figure of the summary → title, of what is shown of a run of many at a glance."""
+
+
 @dataclass
-class Suite:
+class Suite(Answer):
     """Cases with what was asked of them.
 
     Attributes:
         members: the cases.
+        out: folder of the results, a folder a case.
+        every: whether these are all the models that there are.
         repeated: units that had to be done.
-        axes: what is swept; empty if it is the cases' own experiments that are run.
-        skipped: name of a case → swept parameters that it does not have.
+        summary: a row a run (polars).
+        failures: a row for each case or unit that was not done (polars).
+        unwritten: pages of the report that was asked for with it that could not be written, and why.
     """
 
+    FRAMES = ("summary", "failures")
+
     members: list[Member]
+    out: Path = Path()
+    every: bool = False
     repeated: int = 0
-    axes: tuple[Axis, ...] = ()
-    skipped: dict[str, list[str]] = field(default_factory=dict)
+    unwritten: list[str] = field(default_factory=list)
+
+    @property
+    def summary(self) -> pl.DataFrame:
+        """A row a run."""
+        return pl.DataFrame(self.document()["runs"], infer_schema_length=None)
+
+    @property
+    def failures(self) -> pl.DataFrame:
+        """A row for each case that was refused and each unit that was not done: case, unit, message."""
+        names = ("case", "unit", "message")
+        return pl.DataFrame(self.document()["failures"], schema=dict.fromkeys(names, pl.String))
+
+    @property
+    def status(self) -> int:
+        """As the exit status: 2 a model was refused or a page not written, 1 a gate or a unit failed, 0 neither."""
+        return max(status_of(self), 2 if self.unwritten else 0)
 
     def document(self) -> dict[str, Any]:
-        """The summary JSON of the contract, over all cases. That of a sweep says what was swept."""
+        """The summary JSON over all cases."""
         documents = [_document(member) for member in self.members]
         documents = [document for document in documents if document]
         own = ("case", "model_sha256", "case_sha256")
@@ -103,7 +135,6 @@ class Suite:
         cases = {d["provenance"]["case"]: {k: d["provenance"][k] for k in own[1:]} for d in documents}
         return {
             "provenance": {**common, "cases": cases},
-            **({"sweep": [axis.document() for axis in self.axes]} if self.axes else {}),
             "runs": [row for document in documents for row in document["runs"]],
             "gates": [{"case": d["provenance"]["case"], **gate} for d in documents for gate in d["gates"]],
             "failures": [
@@ -112,6 +143,84 @@ class Suite:
                 for unit, why in {**({None: member.refused} if member.refused else {}), **failed(member)}.items()
             ],
         }
+
+    def report(self, folder: str | Path) -> Path:
+        """Writes the page of every case and the summary, as ``oarlock suite --report``; what stands is not repeated."""
+        with closing(LocalWorkers(cores())) as workers:
+            unwritten = self.write_pages(Path(folder), workers, Progress())
+        if unwritten:
+            raise InputError(f"pages not written: {few(unwritten)}")
+        return Path(folder)
+
+    def write_pages(self, folder: Path, workers: Workers, progress: Progress) -> list[str]:
+        """Writes the same; gives what could not be written, and why."""
+        return pages.write_pages(
+            self.out, [member.folder.path for member in self.members], folder, workers, progress, every=self.every
+        )
+
+    def _repr_html_(self) -> str:
+        document = self.document()
+        failures = [f"{one['case']} {one['unit'] or ''}: {one['message']}" for one in document["failures"]]
+        failures += [
+            f"gate failed: {member.name}: {verdict.line()}" for member in self.members for verdict in member.failures
+        ]
+        head = f"{len(self.members)} cases, {len(document['runs'])} runs"
+        return html_table(head, *self._table(document), failures)
+
+    def _table(self, document: dict[str, Any]) -> tuple[list[str], list[list[Any]]]:
+        return list(COLUMNS.values()), [[row[name] for name in COLUMNS] for row in document["runs"]]
+
+
+@dataclass
+class Sweep(Suite):
+    """Cases whose own runs were left for free runs at every point of a sweep.
+
+    Attributes:
+        axes: what is swept.
+        skipped: name of a case → swept parameters that it does not have.
+        summary: a row a run, its point in the first columns (polars).
+    """
+
+    axes: tuple[Axis, ...] = ()
+    skipped: dict[str, list[str]] = field(default_factory=dict)
+
+    @property
+    def summary(self) -> pl.DataFrame:
+        """A row a run, its point in the first columns."""
+        rows = [flat(row["point"], row) for row in self.document()["runs"]]
+        return pl.DataFrame(rows, infer_schema_length=None)
+
+    @property
+    def tables(self) -> list[Path]:
+        """The tables as CSV, one a case, where there is one."""
+        paths = [member.folder.path / TABLE for member in self.members]
+        return [path for path in paths if path.is_file()]
+
+    def document(self) -> dict[str, Any]:
+        """The summary JSON over all cases, with what was swept."""
+        document = super().document()
+        return {
+            "provenance": document.pop("provenance"),
+            "sweep": [axis.document() for axis in self.axes],
+            **document,
+        }
+
+    def report(self, folder: str | Path) -> Path:
+        """Writes the page of every case's sweep, as ``oarlock suite --sweep``, and one that leads to them."""
+        super().report(folder)
+        pages.write_sweep_index([member.folder.path for member in self.members], Path(folder))
+        return Path(folder)
+
+    def write_pages(self, folder: Path, workers: Workers, progress: Progress) -> list[str]:
+        """Writes the page of every case's sweep; no other page is touched. Gives what could not be written, and why."""
+        sweeps = [member.folder.path for member in self.members]
+        return pages.write_sweep_pages(self.out, sweeps, folder, workers, progress)
+
+    def _table(self, document: dict[str, Any]) -> tuple[list[str], list[list[Any]]]:
+        titles, rows = super()._table(document)
+        keys = [axis.key for axis in self.axes]
+        points = [[row["point"][key] for key in keys] for row in document["runs"]]
+        return [*keys, *titles], [[*point, *row] for point, row in zip(points, rows, strict=True)]
 
 
 def failed(member: Member) -> dict[str, Failure]:
@@ -167,7 +276,8 @@ def plan_suite(models: Sequence[str], out: Path, axes: tuple[Axis, ...] = ()) ->
         InputError: no such model, two of one name, or a sweep that none of them can have. A case that is at fault is
             refused by itself.
     """
-    suite = Suite([], axes=axes)
+    sweep = Sweep([], out, not models, axes=axes)
+    suite = sweep if axes else Suite([], out, not models)
     known, swept = dict.fromkeys(KEYS), set()
     for asked, case, refused in asked_for(models):
         slug = _slug(asked, case)
@@ -175,7 +285,7 @@ def plan_suite(models: Sequence[str], out: Path, axes: tuple[Axis, ...] = ()) ->
             known.update(dict.fromkeys(case.parameters))
             lacking, same = missing(case, axes), same_swept(case, axes)
             if lacking:
-                suite.skipped[case.name] = lacking
+                sweep.skipped[case.name] = lacking
             if lacking or same in swept:
                 continue
             swept.add(same)
@@ -191,8 +301,8 @@ def plan_suite(models: Sequence[str], out: Path, axes: tuple[Axis, ...] = ()) ->
         if case and tasks:
             member.units = plan_sweep(asked, case, axes, tasks)
         suite.members.append(member)
-    if suite.skipped and not any(member.case for member in suite.members):
-        for key in (key for lacking in suite.skipped.values() for key in lacking):
+    if sweep.skipped and not any(member.case for member in suite.members):
+        for key in (key for lacking in sweep.skipped.values() for key in lacking):
             choose("key of --sweep", key, list(known))
         raise InputError(f"no model here has {few([axis.key for axis in axes])}, expected keys that go together")
     return suite

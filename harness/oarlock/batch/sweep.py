@@ -196,16 +196,17 @@ def write_table(document: dict[str, Any], failures: dict[str, Failure], path: Pa
     Raises:
         InputError: it cannot be written.
     """
-    rows = [_flat(row["point"], row) for row in document["runs"]]
+    rows = [flat(row["point"], row) for row in document["runs"]]
     for failure in document["failures"]:
         why = failures[failure["unit"]]
-        rows.append(_flat(failure["point"], {"run": failure["run"], "status": why.status, "message": why.message}))
+        rows.append(flat(failure["point"], {"run": failure["run"], "status": why.status, "message": why.message}))
     text = pl.DataFrame(rows, infer_schema_length=None).write_csv()
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
 
 
-def _flat(point: dict[str, Number], row: dict[str, Any]) -> dict[str, Any]:
+def flat(point: dict[str, Number], row: dict[str, Any]) -> dict[str, Any]:
+    """A row with its point in front of the summary of its run."""
     rest = {key: value for key, value in row.items() if key != "point"}
     # A parameter may have the name of a column.
     return {**{f"swept {key}" if key in rest else key: value for key, value in point.items()}, **rest}

@@ -29,6 +29,9 @@ class _Bar(Progress):
         took = "" if seconds is None else f"  {seconds:.1f} s"
         self._print(f"  {label}{took}" + (f"  [{message}]" if message else ""))
 
+    def note(self, text: str) -> None:
+        self._print(f"oarlock: {text}")
+
     def _print(self, text: str) -> None:
         self._bars.console.print(text, highlight=False, markup=False, soft_wrap=True)
 

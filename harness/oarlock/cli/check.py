@@ -75,9 +75,7 @@ def check(
     if write_tuned:
         _write_tuned(exam, write_tuned)
     if report:
-        from oarlock.diagnosis.page.page import write_page
-
-        say(f"oarlock: {write_page(exam, checked.verdict, report)}")
+        say(f"oarlock: {checked.report(report)}")
     if as_json:
         emit_json(checked.document(), as_json)
     above = [finding for finding in checked.verdict if finding.code == "D7"]

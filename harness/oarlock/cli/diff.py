@@ -25,6 +25,9 @@ def diff(
     ] = None,
     allow_missing: Annotated[bool, typer.Option("--allow-missing", help="What B does not have is no loss.")] = False,
     limit: Annotated[int, typer.Option(metavar="N", min=0, help="Print N changes at most; 0: all.")] = 50,
+    report: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write a page of what changed: Markdown and HTML.")
+    ] = None,
     as_json: JsonOption = None,
     junit: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write JUnit XML, a test case a run and group of figures.")
@@ -38,6 +41,8 @@ def diff(
         from oarlock.compare.junit import write_junit
 
         write_junit(found, junit)
+    if report:
+        say(f"oarlock: written: {found.report(report) / 'README.md'}")
     if as_json:
         emit_json(found.document(), as_json)
     if as_json != "-":

@@ -15,26 +15,16 @@ from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, end
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKED
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
-from oarlock.experiments.outcome import Results, ending
+from oarlock.experiments.outcome import COLUMNS, Results, ending
 from oarlock.render.folder import CONTENTS, require_report
-
-_COLUMNS = {
-    "run": "run",
-    "status": "status",
-    "iterations_mean": "iterations",
-    "min_norm_error_max": "min-norm error",
-    "qacc_rel_diff_max": "qacc diff",
-    "drift_pos_max": "drift",
-    "truth_error_max": "truth error",
-}
 
 
 def _print_summary(results: Results) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in _COLUMNS.values():
+    for title in COLUMNS.values():
         table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
     for row in results.rows:
-        table.add_row(*(short(row[name]) for name in _COLUMNS))
+        table.add_row(*(short(row[name]) for name in COLUMNS))
     console().print(table)
 
 
@@ -105,9 +95,7 @@ def run(
             "no run at the case's own parameters, timestep and duration"
         )
     if to:
-        from oarlock.report.case_report import write_report
-
-        say(f"oarlock: written: {write_report(folder, to) / 'README.md'}")
+        say(f"oarlock: written: {results.report(to) / 'README.md'}")
     if results.failures:
         raise typer.Exit(GATE_FAILED)
 

@@ -5,7 +5,6 @@ steps, point of a sweep). A run without such a counterpart is matched with one t
 possible: then the difference is named and the figures are compared all the same. That is how two settings are compared.
 """
 
-import html
 import json
 import math
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from typing import Any
 
 import polars as pl
 
+from oarlock.base.answer import Answer, html_table
 from oarlock.base.errors import InputError, few, one_line
 from oarlock.compare.figures import (
     VERDICTS,
@@ -62,7 +62,7 @@ class Origin:
 
 
 @dataclass(frozen=True)
-class Difference:
+class Difference(Answer):
     """What changed between two folders of results.
 
     Attributes:
@@ -73,6 +73,8 @@ class Difference:
         matched: number of runs that have a counterpart.
         allow_missing: whether what disappeared counts as no loss.
     """
+
+    FRAMES = ("figures",)
 
     before: str
     after: str
@@ -98,8 +100,8 @@ class Difference:
         return {verdict: sum(one.verdict == verdict for one in self.comparisons) for verdict in VERDICTS}
 
     @property
-    def frame(self) -> pl.DataFrame:
-        """One row per comparison, worst first. Values that are no numbers are in words in ``was`` and ``became``."""
+    def figures(self) -> pl.DataFrame:
+        """One row per figure, worst first. Values that are no numbers are in words in ``was`` and ``became``."""
         rows = [
             {
                 **asdict(one),
@@ -141,16 +143,21 @@ class Difference:
         said = ", ".join(f"{count} {verdict}" for verdict, count in self.counts.items() if count)
         return f"{self.matched} runs compared: {said or 'nothing to compare'}"
 
+    def report(self, folder: str | Path) -> Path:
+        """Writes a page of what changed, as ``oarlock diff --report``."""
+        from oarlock.compare.page import write_page
+
+        changes = [cells(one) for one in self.changes]
+        return write_page(Path(folder), self._head(), self._lines(), COLUMNS, changes, self.timings)
+
     def _repr_html_(self) -> str:
-        lines = "".join(f"<li>{html.escape(origin.line(self.matched))}</li>" for origin in self.origins)
-        head = "".join(f"<th>{name}</th>" for name in COLUMNS)
-        body = "".join(
-            f"<tr>{''.join(f'<td>{html.escape(text)}</td>' for text in cells(one))}</tr>" for one in self.changes
-        )
-        return (
-            f"<div><p>{html.escape(one_line(f'{self.before} → {self.after}. {self.summary()}'))}</p>"
-            f"<ul>{lines}</ul><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
-        )
+        return html_table(self._head(), COLUMNS, [cells(one) for one in self.changes], self._lines())
+
+    def _head(self) -> str:
+        return one_line(f"{self.before} → {self.after}. {self.summary()}")
+
+    def _lines(self) -> list[str]:
+        return [origin.line(self.matched) for origin in self.origins]
 
 
 COLUMNS = ("", "case", "run", "figure", "before", "after", "×", "at")

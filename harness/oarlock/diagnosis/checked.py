@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 from threadpoolctl import threadpool_limits
 
+from oarlock.base.answer import Answer
 from oarlock.base.arguments import complete, takes
 from oarlock.base.progress import Progress
 from oarlock.diagnosis.options import CheckOptions
@@ -19,13 +20,15 @@ if TYPE_CHECKING:
     from oarlock.diagnosis.verdict.findings import Finding
 
 
-class Checked:
-    """A model that was checked; in a notebook it shows itself.
+class Checked(Answer):
+    """A model that was checked.
 
     Attributes:
         examination: all that was found out, over time.
         verdict: the findings as objects, the worst first.
     """
+
+    FRAMES = ("findings", "drift", "causes", "accelerations", "trials")
 
     def __init__(self, examination: "Examination", verdict: "list[Finding]"):
         self.examination, self.verdict = examination, verdict
@@ -75,6 +78,12 @@ class Checked:
         from oarlock.diagnosis.page.document import document
 
         return document(self.examination, self.verdict)
+
+    def report(self, folder: str | Path) -> Path:
+        """Writes the page of the check, as ``oarlock check --report``."""
+        from oarlock.diagnosis.page.page import write_page
+
+        return write_page(self.examination, self.verdict, Path(folder))
 
     def _repr_html_(self) -> str:
         from oarlock.diagnosis.page.page import html_fragment

@@ -1,20 +1,35 @@
 """What the runs of a case gave, and how it is judged."""
 
+import tempfile
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import polars as pl
 
+from oarlock.base.answer import Answer, html_table
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Gate
 from oarlock.mechanics.names import coordinates, equalities
 from oarlock.mechanics.reactions import verdict
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables.aggregate import Verdict
+from oarlock.tables.folder import ResultFolder
+
+COLUMNS = {
+    "run": "run",
+    "status": "status",
+    "iterations_mean": "iterations",
+    "min_norm_error_max": "min-norm error",
+    "qacc_rel_diff_max": "qacc diff",
+    "drift_pos_max": "drift",
+    "truth_error_max": "truth error",
+}
+"""Figure of the summary → title, of what is shown of a run at a glance."""
 
 
 @dataclass
-class Results:
+class Results(Answer):
     """What a run gave.
 
     Attributes:
@@ -22,16 +37,25 @@ class Results:
         steps: a row a run and step (polars).
         rows: the summary as plain dictionaries.
         tables: the steps, a lazy table a run. A long run that is kept in a folder is read from there.
-        frames: the same, each table in memory.
         verdicts: what the case expects and its gates, held against the model and the runs.
         provenance: versions, platform, commit, date.
+        model: what the model turned out to be at its start.
+        sketch: its drawing; None where no run took a step.
+        truth: the outside truth at times of the steps, where there is one.
+        folder: where all of it is kept; None: in memory only.
     """
+
+    FRAMES = ("summary", "steps")
 
     case: Case
     rows: list[dict[str, Any]] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
     provenance: dict[str, Any] = field(default_factory=dict)
     tables: list[pl.LazyFrame] = field(default_factory=list)
+    model: dict[str, Any] = field(default_factory=dict)
+    sketch: dict[str, Any] | None = None
+    truth: pl.DataFrame | None = None
+    folder: Path | None = None
 
     @property
     def summary(self) -> pl.DataFrame:
@@ -44,17 +68,12 @@ class Results:
         return pl.concat(self.tables).collect() if self.tables else pl.DataFrame()
 
     @property
-    def frames(self) -> list[pl.DataFrame]:
-        """The steps, a table a run."""
-        return pl.collect_all(self.tables)
-
-    @property
     def failures(self) -> list[Verdict]:
         """Gates that did not hold."""
         return [verdict for verdict in self.verdicts if verdict.held is False]
 
     def document(self) -> dict[str, Any]:
-        """The summary JSON of the contract."""
+        """The summary JSON: provenance, a dictionary a run, and the gates."""
         return {
             "provenance": self.provenance,
             "runs": self.rows,
@@ -68,6 +87,39 @@ class Results:
                 for verdict in self.verdicts
             ],
         }
+
+    def save(self, folder: str | Path) -> Path:
+        """Keeps all of it in a folder, as a run with ``out`` does; gives the folder.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        kept = ResultFolder(Path(folder))
+        kept.write_json("case.json", case_document(self.case, self.model))
+        if self.truth is not None:
+            kept.write_truth(self.truth)
+        if self.sketch is not None:
+            kept.write_json("sketch.json", self.sketch)
+        for row, table in zip(self.rows, self.tables, strict=True):
+            kept.write_table(row["run"], table)
+        kept.write_json("summary.json", self.document())
+        kept.forget_steps_but([row["run"] for row in self.rows])
+        return kept.path
+
+    def report(self, folder: str | Path) -> Path:
+        """Writes the page of the runs, as ``oarlock run --report``."""
+        from oarlock.report.case_report import write_report
+
+        if self.folder is not None:
+            return write_report(self.folder, Path(folder))
+        with tempfile.TemporaryDirectory(prefix="oarlock-") as temporary:
+            return write_report(self.save(Path(temporary) / self.case.slug), Path(folder))
+
+    def _repr_html_(self) -> str:
+        held = sum(verdict.held is True for verdict in self.verdicts)
+        failed = [f"gate failed: {verdict.line()}" for verdict in self.failures]
+        head = f"{self.case.name}: {len(self.rows)} runs; {held} gates hold, {len(failed)} do not"
+        return html_table(head, list(COLUMNS.values()), [[row[name] for name in COLUMNS] for row in self.rows], failed)
 
 
 def ending(row: dict[str, Any]) -> str:

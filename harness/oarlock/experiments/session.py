@@ -53,10 +53,10 @@ def run(
     progress.begin("running", setup.steps * sum(len(task.walks()) for task in tasks))
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
-    results = Results(case, provenance={**inputs(case), **ignored, **occasion()})
-    model_found = describe(setup)
-    results.verdicts += expectations(case, model_found)
-    keeper = _Keeper(results, setup, model_found, ResultFolder(folder) if folder else None)
+    provenance = {**inputs(case), **ignored, **occasion()}
+    results = Results(case, provenance=provenance, model=describe(setup), truth=setup.truth, folder=folder)
+    results.verdicts += expectations(case, results.model)
+    keeper = _Keeper(results, setup)
     for result in laboratory.run_all(tasks, options.threads or cores()):
         keeper.keep(result)
         row = results.rows[-1]
@@ -69,30 +69,29 @@ def run(
 
 
 class _Keeper:
-    """Keeps every run as soon as it is finished: in memory, and in a folder if there is one."""
+    """Keeps every run as soon as it is finished: in memory, and in the folder of the results if there is one."""
 
-    def __init__(self, results: Results, setup: PreparedCase, model: dict[str, Any], folder: ResultFolder | None):
-        self._results, self._setup, self._folder = results, setup, folder
-        self._sketched = False
-        if folder:
-            folder.write_json("case.json", case_document(results.case, model))
-            if setup.truth is not None:
-                folder.write_truth(setup.truth)
+    def __init__(self, results: Results, setup: PreparedCase):
+        self._results, self._setup = results, setup
+        self._folder = ResultFolder(results.folder) if results.folder else None
+        if self._folder:
+            self._folder.write_json("case.json", case_document(results.case, results.model))
+            if results.truth is not None:
+                self._folder.write_truth(results.truth)
 
     def keep(self, result: RunResult) -> None:
         results, folder = self._results, self._folder
         results.rows.append(summarise(result))
-        if not folder:
-            results.tables.append(result.table())
-            return
-        with uninterrupted():
-            folder.write_steps(result)
-            folder.write_json("summary.json", results.document(), indent=None)  # written again after every run
-        if not self._sketched and len(result.steps):
+        if folder:
+            with uninterrupted():
+                folder.write_steps(result)
+                folder.write_json("summary.json", results.document(), indent=None)  # written again after every run
+        if results.sketch is None and len(result.steps):
             path = traced(result.steps)
-            folder.write_json("sketch.json", sketch(self._setup.model, self._setup.start.qpos, path))
-            self._sketched = True
-        if result.steps.on_disk:
+            results.sketch = sketch(self._setup.model, self._setup.start.qpos, path)
+            if folder:
+                folder.write_json("sketch.json", results.sketch)
+        if folder and result.steps.on_disk:
             results.tables.append(pl.scan_parquet(folder.steps_path(result.key.slug)))
             result.steps.close()
         else:

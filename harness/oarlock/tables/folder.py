@@ -31,8 +31,12 @@ class ResultFolder:
 
     def write_steps(self, result: "RunResult") -> None:
         """Writes the steps of a finished run."""
-        with replacing(self.steps_path(result.key.slug)) as temporary:
-            result.table().sink_parquet(temporary, compression="zstd", row_group_size=GROUP)
+        self.write_table(result.key.slug, result.table())
+
+    def write_table(self, slug: str, table: pl.LazyFrame) -> None:
+        """Writes the table of the steps of a run."""
+        with replacing(self.steps_path(slug)) as temporary:
+            table.sink_parquet(temporary, compression="zstd", row_group_size=GROUP)
 
     def write_truth(self, truth: pl.DataFrame) -> None:
         """Writes the outside truth at times of the steps, with the columns time_s and position (rad or m)."""

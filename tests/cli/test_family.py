@@ -1,0 +1,113 @@
+"""The answers of the public functions are one family."""
+
+import json
+from html.parser import HTMLParser
+
+import oarlock
+import polars as pl
+import pytest
+from mechanisms import four_bar, write_model
+from suites import TINY
+
+FAMILY = ("run", "check", "diff", "suite", "sweep")
+
+NASTY = "a & <b>"
+"""Name of a model that HTML would take for a tag, and Markdown too."""
+
+
+class Tags(HTMLParser):
+    """Which tags were opened, and whether each was closed again."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.seen = [], set()
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.add(tag)
+        if tag not in ("br", "hr"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("family")
+    case = write_model(folder / NASTY, four_bar(), TINY.replace('title = "tiny"', f'title = "{NASTY}"')).parent
+    file = write_model(folder / "files", four_bar()).rename(folder / "files" / f"{NASTY}.xml")
+    results = oarlock.run(case)
+    before, after = results.save(folder / "before"), results.save(folder / "after")
+    summary = json.loads((after / "summary.json").read_text(encoding="utf-8"))
+    summary["runs"][0]["drift_pos_max"] *= 1e6
+    (after / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    return {
+        "run": results,
+        "check": oarlock.check(file, budget=0, duration=0.1),
+        "diff": oarlock.diff(before, after),
+        "suite": oarlock.suite(case, out=folder / "out", jobs=2),
+        "sweep": oarlock.sweep([case], "timestep=1e-3:2e-3:2", out=folder / "out", jobs=2),
+    }
+
+
+@pytest.mark.parametrize("name", FAMILY)
+def test_an_answer(answers, name, tmp_path):
+    answer = answers[name]
+    assert isinstance(answer, oarlock.Answer)
+
+    document = answer.document()
+    assert json.loads(json.dumps(document, allow_nan=False)) == document
+
+    assert list(answer.frames) == list(answer.FRAMES)
+    assert all(isinstance(frame, pl.DataFrame) for frame in answer.frames.values())
+    assert answer.frames[answer.FRAMES[0]].height > 0
+
+    shown = answer._repr_html_()
+    assert NASTY not in shown.replace("\n", " ")
+    tags = Tags()
+    tags.feed(shown)
+    tags.close()
+    assert tags.open == []
+    assert "b" not in tags.seen
+    assert {"table", "td"} <= tags.seen
+
+    assert answer.report(tmp_path / "page") == tmp_path / "page"
+    for page in ("README.md", "index.html"):
+        text = (tmp_path / "page" / page).read_text(encoding="utf-8")
+        assert len(text) > 100
+    assert NASTY not in text
+    assert answer.report(tmp_path / "page") == tmp_path / "page"  # an old page is replaced
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(oarlock.InputError):
+        answer.report(tmp_path / "taken")
+
+
+def test_a_run_in_memory_is_kept_as_one_in_a_folder(answers, tmp_path):
+    case = answers["run"].case.folder
+    there = oarlock.run(case, out=tmp_path / "there")
+    assert there.folder == tmp_path / "there"
+    here = answers["run"].save(tmp_path / "here")
+    names = {path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file()}
+    assert names == {path.relative_to(there.folder).as_posix() for path in there.folder.rglob("*") if path.is_file()}
+    for name in ("case.json", "sketch.json"):
+        assert (here / name).read_bytes() == (there.folder / name).read_bytes()
+    assert oarlock.diff(here, there.folder).changes == []
+
+
+def test_a_suite_tells_what_was_not_done(answers, tmp_path):
+    assert answers["suite"].failures.is_empty()
+    assert answers["suite"].status == 0
+    broken = write_model(tmp_path / "broken", "<mujoco/>", TINY).parent
+    found = oarlock.suite([broken], out=tmp_path / "out", jobs=1)
+    assert found.status == 2
+    assert set(found.failures["case"]) == {"broken"}
+    assert "broken" in found._repr_html_()
+
+
+def test_a_sweep_has_its_point_in_front(answers):
+    table = answers["sweep"].summary
+    assert table.columns[0] in ("timestep", "swept timestep")
+    assert sorted(set(table[table.columns[0]])) == [1e-3, 2e-3]
+    assert [path.name for path in answers["sweep"].tables] == ["sweep.csv"]
+    with pytest.raises(oarlock.InputError, match="expected KEY=A:B:N"):
+        oarlock.sweep("boat", [])
