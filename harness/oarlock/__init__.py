@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from oarlock.compare.compare import Difference, diff
     from oarlock.diagnosis.checked import Checked, check
     from oarlock.diagnosis.options import CheckOptions
+    from oarlock.diagnosis.reactions import EqualityReaction, reactions
     from oarlock.experiments.options import RunOptions
     from oarlock.experiments.outcome import Results
     from oarlock.experiments.session import run
@@ -46,6 +47,7 @@ _PLACES = {
     "compare.compare": ("Difference", "diff"),
     "diagnosis.checked": ("Checked", "check"),
     "diagnosis.options": ("CheckOptions",),
+    "diagnosis.reactions": ("EqualityReaction", "reactions"),
     "experiments.options": ("RunOptions",),
     "experiments.outcome": ("Results",),
     "experiments.session": ("run",),
@@ -57,6 +59,7 @@ __all__ = [
     "CheckOptions",
     "Checked",
     "Difference",
+    "EqualityReaction",
     "InputError",
     "Progress",
     "Results",
@@ -69,6 +72,7 @@ __all__ = [
     "load_case",
     "make_solver",
     "model_names",
+    "reactions",
     "run",
     "solver_names",
     "suite",

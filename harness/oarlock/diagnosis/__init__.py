@@ -2,5 +2,6 @@
 
 - ``options``: what is asked; ``loops``: what the mechanism is, at one pose; ``runs``: what short runs show.
 - ``examination`` looks at a model with both, once; ``edit`` writes copies of its file.
+- ``reactions``: what goes through the equalities of one state of a user's own.
 - ``verdict`` makes findings of an examination, ``page`` a document and a report; ``checked`` is the answer.
 """
