@@ -34,7 +34,8 @@ from oarlock.batch.unit import Unit, plan_units, run_unit
 from oarlock.batch.workers import LocalWorkers, Workers, dispatch
 from oarlock.cases.case import Case, load_case, model_names, variant_names
 from oarlock.cases.point import KEYS
-from oarlock.experiments.outcome import Results, case_document, expectations
+from oarlock.experiments.description import case_document, expectations
+from oarlock.experiments.outcome import Results
 from oarlock.experiments.task import Task
 from oarlock.tables.aggregate import Verdict, judge
 from oarlock.tables.folder import ResultFolder

@@ -18,8 +18,8 @@ from oarlock.batch import digest
 from oarlock.cases.case import Case, load_case
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.point import OWN, TIMESTEP, Point
+from oarlock.experiments.description import describe
 from oarlock.experiments.laboratory import Laboratory
-from oarlock.experiments.outcome import describe
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task, Walk

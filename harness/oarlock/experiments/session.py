@@ -10,9 +10,10 @@ from oarlock.base.cores import cores
 from oarlock.base.files import uninterrupted
 from oarlock.base.progress import Progress
 from oarlock.cases.case import load_case
+from oarlock.experiments.description import case_document, describe, expectations
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.options import RunOptions
-from oarlock.experiments.outcome import Results, case_document, describe, ending, expectations
+from oarlock.experiments.outcome import Results, ending
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.stepping.prepared import PreparedCase

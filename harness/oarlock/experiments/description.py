@@ -1,0 +1,44 @@
+"""What the model of a case turned out to be, and what the case expects of it."""
+
+from dataclasses import asdict
+from typing import Any
+
+from oarlock.cases.case import Case
+from oarlock.cases.case_file import Gate
+from oarlock.mechanics.names import coordinates, equalities
+from oarlock.mechanics.reactions import verdict
+from oarlock.stepping.prepared import PreparedCase
+from oarlock.tables.aggregate import Verdict
+
+
+def describe(setup: PreparedCase) -> dict[str, Any]:
+    """What the model turns out to be at its consistent start."""
+    start = setup.start
+    return {
+        "nq": int(setup.model.nq),
+        "nv": int(setup.model.nv),
+        "rows": start.rows,
+        "rank": start.rank,
+        "dof": start.dof,
+        "closing_moved": start.moved,
+        "unique_reactions": start.unique,
+        "coordinates": coordinates(setup.model),
+        "equalities": [asdict(equality) for equality in equalities(setup.model)],
+    }
+
+
+def case_document(case: Case, model: dict[str, Any]) -> dict[str, Any]:
+    """The contents of ``case.json``: the case with the description of its model."""
+    contents = {**case.file.model_dump(), "expect": case.expected(), "parameters": case.parameters}
+    return {"name": case.name, "model": model, **contents}
+
+
+def expectations(case: Case, model: dict[str, Any]) -> list[Verdict]:
+    """What the case expects of its model, held against the model's description."""
+    found = {**model, "reactions": verdict(model["unique_reactions"])}
+    verdicts = []
+    for name, expected in case.expected().items():
+        bounds = {"equal": expected} if isinstance(expected, str) else {"min": expected, "max": expected}
+        gate = Gate.model_validate({"figure": name, **bounds, "cause": "[expect] of the case"})
+        verdicts.append(Verdict(gate, "start", found[name], gate.holds(found[name])))
+    return verdicts
