@@ -84,14 +84,14 @@ def test_an_answer(answers, name, tmp_path):
 
 def test_a_run_in_memory_is_kept_as_one_in_a_folder(answers, tmp_path):
     case = answers["run"].case.folder
-    there = oarlock.run(case, out=tmp_path / "there")
-    assert there.folder == tmp_path / "there"
+    there = tmp_path / "there"
+    assert oarlock.run(case, out=there).folder == there
     here = answers["run"].save(tmp_path / "here")
     names = {path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file()}
-    assert names == {path.relative_to(there.folder).as_posix() for path in there.folder.rglob("*") if path.is_file()}
+    assert names == {path.relative_to(there).as_posix() for path in there.rglob("*") if path.is_file()}
     for name in ("case.json", "sketch.json"):
-        assert (here / name).read_bytes() == (there.folder / name).read_bytes()
-    assert oarlock.diff(here, there.folder).changes == []
+        assert (here / name).read_bytes() == (there / name).read_bytes()
+    assert oarlock.diff(here, there).changes == []
 
 
 def test_a_suite_tells_what_was_not_done(answers, tmp_path):

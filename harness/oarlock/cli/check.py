@@ -8,7 +8,7 @@ import typer
 
 from oarlock.base.errors import InputError
 from oarlock.cli.console import GATE_FAILED, JsonOption, emit_json, ends, say
-from oarlock.diagnosis.checked import examined, judged
+from oarlock.diagnosis.checked import begun, judged, parts
 from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
 
 if TYPE_CHECKING:
@@ -64,7 +64,8 @@ def check(
         ignore_inequalities=ignore_inequalities,
         fail_above=fail_above,
     )
-    for part, exam in examined(file, options):
+    exam = begun(file, options)
+    for part in parts(exam):
         if printing:
             _print_part(part, exam)
     checked = judged(exam)

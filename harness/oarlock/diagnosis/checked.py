@@ -94,19 +94,29 @@ class Checked(Answer):
         return "\n".join([f"checked {self.examination.file}", *(f"  {finding}" for finding in self.verdict)])
 
 
-def examined(file: str | Path, options: CheckOptions) -> "Iterator[tuple[str, Examination]]":
-    """Looks at a model; gives the name of every part with the examination as soon as that part of it is there.
+def begun(file: str | Path, options: CheckOptions) -> "Examination":
+    """An examination of which only the model is loaded.
 
     Raises:
         InputError: as ``check``.
     """
-    from oarlock.diagnosis.examination import begin, examine
+    from oarlock.diagnosis.examination import begin
 
-    # Many small matrices: threads of BLAS wait for one another longer than they work, and for whatever else is running.
-    with threadpool_limits(1, user_api="blas"):
-        examination = begin(str(file), options)
-        for part in examine(examination):
-            yield part, examination
+    with _one_thread():
+        return begin(str(file), options)
+
+
+def parts(examination: "Examination") -> Iterator[str]:
+    """Looks at the model; gives the name of every part of the examination as soon as it is there."""
+    from oarlock.diagnosis.examination import examine
+
+    with _one_thread():
+        yield from examine(examination)
+
+
+def _one_thread() -> threadpool_limits:
+    """Many small matrices: threads of BLAS wait for one another longer than they work, and for whatever else runs."""
+    return threadpool_limits(1, user_api="blas")
 
 
 def judged(examination: "Examination") -> Checked:
@@ -135,10 +145,8 @@ def check(
 
     progress = progress or Progress()
     progress.begin("checking", len(PARTS))
-    found = examined(file, complete(CheckOptions, options, keywords))
-    for part, examination in found:
+    examination = begun(file, complete(CheckOptions, options, keywords))
+    for part in parts(examination):
         progress.advance(1)
         progress.finished(part)
-        if part == PARTS[-1]:
-            return judged(examination)
-    raise AssertionError("an examination has parts")
+    return judged(examination)
