@@ -7,7 +7,6 @@ from typing import Any
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import replacing, uninterrupted
-from oarlock.base.hashing import of_text
 from oarlock.tables.folder import ResultFolder
 
 NAME = "units.json"
@@ -59,6 +58,8 @@ class Outcome:
 
 def fingerprint(path: Path) -> str | None:
     """Identifies a file by its size and its end, where Parquet has the statistics of all columns; None if missing."""
+    from oarlock.base.hashing import of_text  # whoever only reads a ledger, as a comparison does, needs none
+
     try:
         with path.open("rb") as file:
             size = file.seek(0, 2)
