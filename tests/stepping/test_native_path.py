@@ -15,7 +15,8 @@ from mechanisms import TANGLE, case_of, four_bar, write_model
 from oarlock import InputError, run
 from oarlock.cases.case import Case, load_case, model_names, variant_names
 from oarlock.cases.conditions import Conditions
-from oarlock.experiments.laboratory import Laboratory, Stepping
+from oarlock.experiments.laboratory import Laboratory
+from oarlock.experiments.options import Stepping
 from oarlock.experiments.task import Task
 from oarlock.mechanics.load import collected_warnings
 from oarlock.stepping import native_path
