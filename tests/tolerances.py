@@ -189,8 +189,5 @@ REDUNDANT_PARTS = 1e-3
 """Relative. The same where rows are redundant and open by 1e-4 m: their differences then move the mechanism by about
 1e-4 of what they are, and that is in MuJoCo's acceleration and in no part (9e-5 measured)."""
 
-PREDICTED, PREDICTED_HARD = 0.7, 0.15
-"""Natural logarithms of predicted over true drift: a factor of two, and 15 %."""
-
 SAME_SETTINGS = 1e-12
 """Relative. One formula of some products and powers, in two places."""

@@ -11,7 +11,7 @@ from oarlock.diagnosis.loops.directions import told
 from oarlock.diagnosis.loops.forces import body_wrenches
 from oarlock.diagnosis.loops.loops import loops_at
 from oarlock.diagnosis.loops.uniqueness import find_uniqueness
-from oarlock.diagnosis.loops.wrenches import wrench_table, wrenches
+from oarlock.diagnosis.loops.wrenches import wrenches
 from oarlock.mechanics.load import load_model
 
 VIRTUAL_WORK = 1e-12
@@ -356,10 +356,6 @@ def test_forces_in_the_frames_of_the_bodies(moving):
     np.testing.assert_allclose(left.in_frame(known(left.total.force), 1), forces[:, :3], atol=1e-12)
     # Along the rod it is for the modelling to say which of the two carries; both carry alike: nothing of it is free.
     np.testing.assert_allclose(known(left.free.force) + known(right.free.force), 0, atol=1e-12)
-    table = wrench_table((left, right), np.arange(4) * 0.1)
-    assert set(table["frame"]) == {"rod", "world"}
-    row = table.filter(equality="left", part="all", frame="rod").row(0, named=True)
-    np.testing.assert_allclose([row["fx_N"], row["fy_N"], row["fz_N"]], expected, atol=1e-12)
 
 
 def test_rows_that_do_not_fit_are_refused(moving):

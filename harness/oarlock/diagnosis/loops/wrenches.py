@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-import polars as pl
 
 from oarlock.base.errors import InputError
 from oarlock.diagnosis.loops.assembly import Assembly
@@ -187,26 +186,3 @@ def _units(model: mujoco.MjModel, equality: Equality) -> tuple[str, ...]:
         return tuple("N" for index in ids if index >= 0)
     slide = mujoco.mjtJoint.mjJNT_SLIDE
     return tuple("N" if model.jnt_type[index] == slide else "N m" for index in ids if index >= 0)
-
-
-def wrench_table(found: tuple[Wrench, ...], times_s: np.ndarray) -> pl.DataFrame:
-    """Wrenches as a table: a row a time, equality, frame (``world`` or a body) or end, and part (all or free).
-
-    Columns ``fx_N`` … ``tz_Nm`` of connects and welds act on the first body; ``along`` of couplings has a unit beside.
-    """
-    parts = []
-    for wrench in found:
-        for part, series in (("all", wrench.total), ("free", wrench.free)):
-            head = {"time_s": times_s, "equality": wrench.equality, "part": part}
-            if series.ends is not None:
-                for end, unit, values in zip(wrench.ends, wrench.units, series.ends.T, strict=True):
-                    parts.append(pl.DataFrame({**head, "frame": end, "along": values, "unit": unit}))
-                continue
-            for frame, name in ((None, "world"), *((body, end) for body, end in enumerate(wrench.ends))):
-                columns = {}
-                for letter, unit, vectors in (("f", "N", series.force), ("t", "Nm", series.torque)):
-                    if vectors is not None:
-                        turned = vectors if frame is None else wrench.in_frame(vectors, frame)
-                        columns |= {f"{letter}{axis}_{unit}": turned[:, k] for k, axis in enumerate("xyz")}
-                parts.append(pl.DataFrame({**head, "frame": name, **columns}))
-    return pl.concat(parts, how="diagonal") if parts else pl.DataFrame()

@@ -14,10 +14,9 @@ from typing import Literal
 import mujoco
 
 from oarlock.base.errors import InputError
-from oarlock.diagnosis.runs.prediction import predict
-from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_trial
 from oarlock.diagnosis.runs.walking import integrator_name
+from oarlock.diagnosis.wish import BUDGET_S
 
 STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """MuJoCo's smallest softness, the same at every deviation."""
@@ -36,9 +35,6 @@ SEEDS = (1, 2)
 
 MAX_STEPS = 400_000
 """Steps of a trial at most."""
-
-BUDGET_S = 30.0
-"""Time for all trials together; one that would not fit into what is left is not begun."""
 
 FLOOR = 0.5
 """A drift that falls by less than this when the timestep is halved or more stands on something else."""
@@ -128,7 +124,6 @@ def recipe(
     seeds: tuple[int, ...] = SEEDS,
     max_steps: int = MAX_STEPS,
     budget_s: float = BUDGET_S,
-    recording: Recording | None = None,
 ) -> Recipe:
     """Finds settings that keep every row within a target, by runs of MuJoCo alone.
 
@@ -140,9 +135,7 @@ def recipe(
         duration_s: of every run.
         seeds: of the disturbed starts that the outcome is verified from.
         max_steps: of a run.
-        budget_s: time for all runs.
-        recording: of the run as authored, to predict the drift of the first setting from; a prediction from a soft run
-            is off by about the square of that run's drift.
+        budget_s: time for all runs; one that would not fit into what is left is not begun.
 
     Raises:
         InputError: the target or the duration is not a finite number above 0.
@@ -150,7 +143,7 @@ def recipe(
     for what, value in (("target", target), ("duration_s", duration_s)):
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{what} = {value:g}, expected a finite number > 0")
-    return _Search(model, start, laws, target, duration_s, max_steps, budget_s, recording).run(seeds)
+    return _Search(model, start, laws, target, duration_s, max_steps, budget_s).run(seeds)
 
 
 _Family = tuple[str, str]
@@ -169,9 +162,7 @@ class _Search:
         duration_s: float,
         max_steps: int,
         budget_s: float,
-        recording: Recording | None,
     ):
-        self._recording = recording if recording is not None and recording.steps > 1 else None
         self._model, self._start, self._laws = model, start, laws
         self._target, self._duration_s, self._max_steps = target, duration_s, max_steps
         self._until = time.perf_counter() + budget_s
@@ -292,11 +283,7 @@ class _Search:
         way, integrator = family
         trial = None
         for halving in range(HALVINGS + 1):
-            setting, expected = _WAYS[way](timestep / 2**halving, integrator), None
-            base = self._recording
-            if base is not None and base.integrator == integrator and not halving and setting.solref is not None:
-                expected = predict(base, setting.solref, STIFF_SOLIMP).drift
-            trial = self._try(f"{way}, {integrator}", setting, expected)
+            trial = self._try(f"{way}, {integrator}", _WAYS[way](timestep / 2**halving, integrator))
             if trial is None or math.isfinite(trial.drift):
                 break
         return trial
