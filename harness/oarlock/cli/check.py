@@ -31,7 +31,9 @@ def check(
     timestep: Annotated[float | None, typer.Option(metavar="S", help="In place of the model's.")] = None,
     integrator: Annotated[str | None, typer.Option(metavar="NAME", help="In place of the model's.")] = None,
     target: Annotated[float, typer.Option(metavar="METRES", help="Wanted drift, m or rad.")] = TARGET,
-    budget: Annotated[float, typer.Option(metavar="S", min=0.0, help="Time to look for settings; 0: none.")] = BUDGET_S,
+    budget: Annotated[
+        float, typer.Option(metavar="S", min=0.0, help="Work to look for settings, in s of a usual machine; 0: none.")
+    ] = BUDGET_S,
     ignore_inequalities: Annotated[
         bool, typer.Option("--ignore-inequalities", help="Without contacts, limits and friction.")
     ] = False,

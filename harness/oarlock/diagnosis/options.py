@@ -15,7 +15,7 @@ TARGET = 1e-6
 """Wanted drift, m or rad, unless it is asked for: a thousandth of a millimetre."""
 
 BUDGET_S = 8.0
-"""Time for the runs that look for a recipe."""
+"""Work for the runs that look for a recipe, as of ``runs.budget``."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class CheckOptions:
         timestep: in place of the model's, s.
         integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``, in place of the model's.
         target: wanted drift, m or rad.
-        budget: time for the runs that look for settings, s; 0: none are looked for.
+        budget: work for the runs that look for settings, in seconds of an ordinary machine; 0: none are looked for. The
+            clock of this machine only cuts short what takes ten times as long.
         ignore_inequalities: without contacts, limits and friction, on both sides.
         fail_above: bound on the drift, m or rad; beyond it there is an error among the findings.
 

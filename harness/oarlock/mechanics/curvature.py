@@ -74,6 +74,15 @@ class _Tendons(_Coupling):
         return float(data.ten_length[self._second_id]) - self._zero, float(data.ten_velocity[self._second_id])
 
 
+def bends(model: mujoco.MjModel, equality: Equality) -> bool:
+    """Whether J̇v of a joint or tendon equality can be other than 0: the polynomial, or a tendon's length, is curved."""
+    first, second = int(model.eq_obj1id[equality.index]), int(model.eq_obj2id[equality.index])
+    if second >= 0 and model.eq_data[equality.index, 2:5].any():
+        return True
+    tendons = [tendon for tendon in (first, second) if tendon >= 0] if equality.kind == "tendon" else []
+    return any(model.wrap_type[model.tendon_adr[tendon]] != mujoco.mjtWrap.mjWRAP_JOINT for tendon in tendons)
+
+
 class Curvature:
     """Computes J̇v of the active rows of connect, weld, joint and tendon equalities.
 

@@ -20,6 +20,7 @@ NAMES = {
     "T2": "unstable",
     "T3": "floor",
     "T4": "refsafe",
+    "T5": "undecided",
     "E1": "energy",
     "U1": "not-unique",
     "U2": "near-singular",

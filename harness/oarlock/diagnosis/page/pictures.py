@@ -252,7 +252,7 @@ def pareto(exam: Examination) -> Figure | None:
         return None
     own = recipe.authored.start
     kinds = {"as authored": "#888888", "tried": COLOURS[EXACT], "chosen": COLOURS[MUJOCO]}
-    finite = [trial for trial in recipe.trials if np.isfinite(trial.drift) and trial.start == own and trial.cost > 0.0]
+    finite = [trial for trial in recipe.trials if trial.cost is not None and trial.start == own]
     if not finite:
         return None
     rows = [
@@ -267,13 +267,13 @@ def pareto(exam: Examination) -> Figure | None:
     ]
     frame = pl.DataFrame(rows)
     front = pl.DataFrame(
-        [{"cost": one.cost, "value": max(one.drift, FLOOR)} for one in recipe.pareto if one.cost > 0.0]
+        [{"cost": one.cost, "value": max(one.drift, FLOOR)} for one in recipe.pareto if one.cost is not None]
     )
     y = log_axis([*frame["value"], recipe.target], "drift (m or rad)")
     ends = [0.5 * min(frame["cost"].to_list()), 2.0 * max(frame["cost"].to_list())]
     scale = alt.Scale(type="log", domain=ends, nice=False)
     axis = alt.Axis(format="~g", tickCount=6, labelOverlap=True)
-    x = alt.X("cost:Q", title="cost (time, as authored = 1)", scale=scale, axis=axis)
+    x = alt.X("cost:Q", title="cost (evaluations, as authored = 1)", scale=scale, axis=axis)
     layers: list[alt.Chart] = []
     if len(front) > 1:
         layers.append(

@@ -3,20 +3,25 @@
 Deadbeat, solref "2h 0.5" with solimp "0.9999 0.9999 0.001 0.5 2", is h²K = hB = 1: under Euler a deviation is gone two
 steps later, and what is left is what one or two steps add, which falls with h². So a drift r₂ at h becomes the wanted
 one at h' = h √(0.7 target / r₂). Under Runge–Kutta nothing ends in two steps, and "4h 1" is often the better one: both
-are tried. Costs are measured, and the cheapest setting that holds is taken, then tried from disturbed starts as well.
+are tried. The cheapest setting that holds is taken, then tried from disturbed starts as well. Costs are counted, in
+evaluations of the model: nothing that is chosen or reported depends on a clock.
 """
 
 import math
-import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Literal
 
 import mujoco
 
 from oarlock.base.errors import InputError
+from oarlock.diagnosis.loops.layout import Layout, Row
+from oarlock.diagnosis.options import BUDGET_S
+from oarlock.diagnosis.runs.budget import Budget, CutShortError
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_trial
 from oarlock.diagnosis.runs.walking import integrator_name
-from oarlock.diagnosis.wish import BUDGET_S
+from oarlock.mechanics.curvature import bends
+from oarlock.mechanics.names import equalities
 
 STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """MuJoCo's smallest softness, the same at every deviation."""
@@ -42,9 +47,6 @@ FLOOR = 0.5
 LEAP, PROBE = 8.0, 4.0
 """Before a timestep is made smaller by more than the first, it is by the second: to see whether that helps at all."""
 
-_OVERHEAD_US = 10.0
-"""What a step takes besides MuJoCo: looking at it."""
-
 WASTED = 0.2
 """A timestep that leaves less of the target is finer than it needs to be."""
 
@@ -52,10 +54,10 @@ LOST = 0.01
 """Of the largest kinetic energy: beyond it Runge–Kutta is tried for the energy's sake."""
 
 ALIKE = 1.25
-"""Costs within this factor count as the same: they are measured. Of such runs the own integrator's goes first, then the
-one that opens least."""
+"""Costs within this factor count as the same: evaluations tell a time no better. Of such runs the own integrator's goes
+first, then the one that opens least."""
 
-Outcome = Literal["holds", "reached", "not-reached"]
+Outcome = Literal["holds", "reached", "not-reached", "undecided"]
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,8 @@ class Recipe:
 
     Attributes:
         target: wanted drift, m or rad.
-        outcome: ``holds``: as authored already; ``reached``: with ``chosen``; ``not-reached``: ``chosen`` is the best.
+        outcome: ``holds``: as authored already; ``reached``: with ``chosen``; ``not-reached``: ``chosen`` is the best;
+            ``undecided``: the budget ended the search before that, and ``chosen`` is the best so far.
         reason: in words: what was needed, or what stands in the way.
         authored: the run as authored.
         chosen: the run with the settings that are recommended, from the user's start.
@@ -86,7 +89,7 @@ class Recipe:
     @property
     def reached(self) -> bool:
         """Whether the drift stays within the target, also from the disturbed starts."""
-        return self.outcome != "not-reached"
+        return self.outcome in ("holds", "reached")
 
     @property
     def mjcf(self) -> str:
@@ -98,7 +101,7 @@ class Recipe:
         """Of the runs from the user's start those that no other one beats in both drift and cost, by cost."""
         own = [trial for trial in self.trials if trial.start == self.authored.start and math.isfinite(trial.drift)]
         front: list[Trial] = []
-        for trial in sorted(own, key=lambda trial: (trial.cost, trial.drift)):
+        for trial in sorted(own, key=lambda trial: (trial.evaluations, trial.drift)):
             if not front or trial.drift < front[-1].drift:
                 front.append(trial)
         return front
@@ -135,7 +138,7 @@ def recipe(
         duration_s: of every run.
         seeds: of the disturbed starts that the outcome is verified from.
         max_steps: of a run.
-        budget_s: time for all runs; one that would not fit into what is left is not begun.
+        budget_s: for all runs, as of ``Budget``; one that does not fit into what is left is not begun.
 
     Raises:
         InputError: the target or the duration is not a finite number above 0.
@@ -143,7 +146,7 @@ def recipe(
     for what, value in (("target", target), ("duration_s", duration_s)):
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{what} = {value:g}, expected a finite number > 0")
-    return _Search(model, start, laws, target, duration_s, max_steps, budget_s).run(seeds)
+    return _Search(model, start, laws, target, duration_s, max_steps, Budget(budget_s)).run(seeds)
 
 
 _Family = tuple[str, str]
@@ -161,31 +164,47 @@ class _Search:
         target: float,
         duration_s: float,
         max_steps: int,
-        budget_s: float,
+        budget: Budget,
     ):
         self._model, self._start, self._laws = model, start, laws
         self._target, self._duration_s, self._max_steps = target, duration_s, max_steps
-        self._until = time.perf_counter() + budget_s
-        self._refused = ""
+        self._size = Layout.of(model).rows + model.nv
+        self._budget = budget
+        self._refused = self._short = ""
+        self._floored = False
         self._trials: list[Trial] = []
-        self._authored: Trial | None = None
 
     def run(self, seeds: tuple[int, ...]) -> Recipe:
-        model = self._model
-        own, timestep = integrator_name(model), float(model.opt.timestep)
-        starts = [found for seed in seeds if (found := disturbed(model, self._start, seed)) is not None]
-        authored = self._try("as authored", Setting.authored(model), always=True)
-        assert authored is not None
+        authored = self._make("as authored", Setting.authored(self._model), self._start)
+        starts = [found for seed in seeds if (found := disturbed(self._model, self._start, seed)) is not None]
+        untried = "; not tried from a disturbed start" if seeds and not starts else ""
+        try:
+            outcome, reason, chosen = self._decide(authored, starts)
+        except CutShortError as error:
+            outcome, chosen = "undecided", self._best_so_far()
+            reason = f"{error}; {self._so_far(chosen, starts)}"
+        conserving = None
+        if outcome in ("holds", "reached"):
+            reason += untried
+            try:
+                conserving = self._conserving(chosen)
+            except CutShortError as error:
+                reason += f"; {error}, before a run that loses less was looked for"
+        verified = self._tried(chosen.setting, starts)
+        return Recipe(self._target, outcome, reason, authored, chosen, verified, conserving, self._trials)
+
+    def _decide(self, authored: Trial, starts: list[Start]) -> tuple[Outcome, str, Trial]:
+        """The outcome, the reason, and the trial that is chosen."""
         if authored.drift <= self._target:
             verified = self._verify(authored, starts)
+            if self._holds(authored, verified, starts):
+                return "holds", "it holds as it stands", authored
             if all(trial.drift <= self._target for trial in verified):
-                return self._recipe("holds", "it holds as it stands", authored, authored, verified)
+                return "undecided", f"{self._short}; {self._so_far(authored, starts)}", authored
         if authored.opening > self._target:
             reason = f"the start itself is open by {authored.opening:.2g}, more than the target: close it first"
-            return self._recipe("not-reached", reason, authored, authored, [])
-        best = self._best(own, timestep)
-        if best is None:
-            best = authored
+            return "not-reached", reason, authored
+        best = self._best(integrator_name(self._model), float(self._model.opt.timestep)) or authored
         verified = self._verify(best, starts) if best.drift <= self._target else []
         for _ in range(CORRECTIONS):
             worst = max((trial.drift for trial in verified), default=0.0)
@@ -197,32 +216,17 @@ class _Search:
             if again is None:
                 break
             best, verified = again, self._verify(again, starts)
-        holds = best.drift <= self._target and all(trial.drift <= self._target for trial in verified)
-        reason = self._success(best) if holds else self._failure(best, verified)
-        if holds and not verified and seeds:
-            reason += "; not tried from a disturbed start"
-        return self._recipe("reached" if holds else "not-reached", reason, authored, best, verified)
+        if self._holds(best, verified, starts):
+            return "reached", self._success(best), best
+        if self._short:
+            best = self._best_so_far()
+            return "undecided", f"{self._short}; {self._so_far(best, starts)}", best
+        return "not-reached", self._failure(best, verified), best
 
-    def _recipe(self, outcome: Outcome, reason: str, authored: Trial, chosen: Trial, verified: list[Trial]) -> Recipe:
-        conserving = self._conserving(chosen) if outcome != "not-reached" else None
-        # A step takes as long with any solref: of what the trials with one integrator measured the least is it.
-        least: dict[str, float] = {}
-        for trial in self._trials:
-            integrator = trial.setting.integrator
-            least[integrator] = min(trial.step_us, least.get(integrator, math.inf))
-        fair = {id(trial): replace(trial, step_us=least[trial.setting.integrator]) for trial in self._trials}
-        base = fair[id(authored)]
-        fair = {key: trial.against(base) for key, trial in fair.items()}
-        return Recipe(
-            target=self._target,
-            outcome=outcome,
-            reason=reason,
-            authored=fair[id(authored)],
-            chosen=fair[id(chosen)],
-            verified=[fair[id(trial)] for trial in verified],
-            conserving=fair[id(conserving)] if conserving else None,
-            trials=[fair[id(trial)] for trial in self._trials],
-        )
+    def _holds(self, trial: Trial, verified: list[Trial], starts: list[Start]) -> bool:
+        """Whether a trial stays within the target, and from every disturbed start as well."""
+        within = all(one.drift <= self._target for one in (trial, *verified))
+        return within and len(verified) == len(starts)
 
     def _conserving(self, chosen: Trial) -> Trial | None:
         if chosen.setting.integrator == "rk4" or chosen.energy_error <= LOST * chosen.kinetic_energy:
@@ -237,7 +241,7 @@ class _Search:
             and trial.drift <= self._target
             and trial.energy_error <= 0.1 * chosen.energy_error
         ]
-        return min(found, key=lambda trial: trial.seconds, default=None)
+        return min(found, key=lambda trial: trial.evaluations, default=None)
 
     # The search.
 
@@ -257,7 +261,7 @@ class _Search:
                 first |= {family: self._first(family, timestep) for family in extra}
         for family, trial in sorted(first.items(), key=lambda item: self._expected(item[1])):
             held = [one for one in self._own_trials() if one.drift <= self._target]
-            if trial and (not held or self._expected(trial) < min(one.seconds for one in held)):
+            if trial and (not held or self._expected(trial) < min(one.evaluations for one in held)):
                 self._refine(family, trial)
         return self._cheapest(self._own_trials())
 
@@ -267,16 +271,16 @@ class _Search:
     def _cheapest(self, trials: list[Trial]) -> Trial | None:
         held = [trial for trial in trials if trial.drift <= self._target]
         if held:
-            least, own = min(trial.seconds for trial in held), integrator_name(self._model)
-            alike = [trial for trial in held if trial.seconds <= ALIKE * least]
+            least, own = min(trial.evaluations for trial in held), integrator_name(self._model)
+            alike = [trial for trial in held if trial.evaluations <= ALIKE * least]
             return min(alike, key=lambda trial: (trial.setting.integrator != own, trial.drift))
         return min(trials, key=lambda trial: trial.drift, default=None)
 
     def _expected(self, trial: Trial | None) -> float:
-        """Seconds that a run will take with a timestep at which this way should hold."""
+        """Evaluations that a run will take with a timestep at which this way should hold."""
         if trial is None or not math.isfinite(trial.drift):
             return math.inf
-        return trial.seconds * max(1.0, math.sqrt(trial.drift / (MARGIN * self._target)))
+        return trial.evaluations * max(1.0, math.sqrt(trial.drift / (MARGIN * self._target)))
 
     def _first(self, family: _Family, timestep: float) -> Trial | None:
         """At the model's own timestep, or at half of it and so on where the run diverges."""
@@ -299,7 +303,10 @@ class _Search:
                 timestep, expected = now / PROBE, trial.drift / PROBE**2
             setting = _WAYS[way](timestep, integrator)
             after = self._try(f"{way}, {integrator}, smaller step", setting, expected)
-            if after is None or after.drift > FLOOR * trial.drift:
+            if after is None:
+                return
+            if after.drift > FLOOR * trial.drift:
+                self._floored = True
                 return
             trial = after
             if trial.drift < WASTED * self._target:  # h² did not hold on the way: a coarser one may do
@@ -319,35 +326,56 @@ class _Search:
         return float(f"{math.floor(wanted / unit) * unit:.1e}")
 
     def _try(
+        self, label: str, setting: Setting, predicted: float | None = None, start: Start | None = None
+    ) -> Trial | None:
+        """A run, unless it takes too many steps or does not fit into what is left of the budget."""
+        steps = setting.steps(self._duration_s)
+        if steps > self._max_steps:
+            self._refused = (
+                f"a timestep of {setting.timestep_s:.2g} s would be needed, {steps:.3g} steps for "
+                f"{self._duration_s:g} s, and at most {self._max_steps:,} are run"
+            )
+            return None
+        if not self._budget.affords(steps, steps * setting.evaluations, self._size):
+            self._short = self._short or (
+                f"cut short by the budget of {self._budget.seconds:g} s, which has no room for '{label}' at "
+                f"{setting.timestep_s:g} s"
+            )
+            return None
+        self._budget.tick()
+        return self._make(label, setting, start or self._start, predicted, self._budget.tick)
+
+    def _make(
         self,
         label: str,
         setting: Setting,
+        start: Start,
         predicted: float | None = None,
-        start: Start | None = None,
-        always: bool = False,
-    ) -> Trial | None:
-        start = start or self._start
-        steps = self._duration_s / setting.timestep_s
-        if not always:
-            if steps > self._max_steps:
-                self._refused = (
-                    f"a timestep of {setting.timestep_s:.2g} s would be needed, {steps:.3g} steps for "
-                    f"{self._duration_s:g} s, and at most {self._max_steps:,} are run"
-                )
-                return None
-            likely = 1e-6 * steps * (_OVERHEAD_US + max(trial.step_us for trial in self._trials))
-            if time.perf_counter() + likely > self._until:
-                self._refused = f"a run with a timestep of {setting.timestep_s:.2g} s would take too long"
-                return None
-        trial = run_trial(self._model, setting, start, self._laws, self._duration_s, label, predicted)
-        self._authored = self._authored or trial
-        trial = trial.against(self._authored)
-        self._trials.append(trial)
-        return trial
+        tick: Callable[[], None] | None = None,
+    ) -> Trial:
+        trial = run_trial(self._model, setting, start, self._laws, self._duration_s, label, predicted, tick)
+        self._budget.spend(trial.taken, trial.taken * setting.evaluations, self._size)
+        self._trials.append(trial.against(self._trials[0] if self._trials else trial))
+        return self._trials[-1]
 
     def _verify(self, trial: Trial, starts: list[Start]) -> list[Trial]:
-        runs = [self._try(trial.label, trial.setting, None, start) for start in starts]
+        """Runs with the same settings from disturbed starts, without those that do not fit into the budget."""
+        known = {one.start: one for one in self._tried(trial.setting, starts)}
+        runs = [known.get(start.name) or self._try(trial.label, trial.setting, None, start) for start in starts]
         return [run for run in runs if run]
+
+    def _tried(self, setting: Setting, starts: list[Start]) -> list[Trial]:
+        """The runs that were made with a setting from some of the starts."""
+        names = {start.name for start in starts}
+        return [trial for trial in self._trials if trial.setting == setting and trial.start in names]
+
+    def _best_so_far(self) -> Trial:
+        """Of the runs from the user's start; those whose settings opened from a disturbed one come last."""
+        authored = self._trials[0]
+        own = [trial for trial in (authored, *self._own_trials()) if math.isfinite(trial.drift)]
+        beyond = [trial for trial in self._trials if trial.drift > self._target]
+        opened = {trial.setting for trial in beyond if trial.start != authored.start}
+        return self._cheapest([trial for trial in own if trial.setting not in opened] or own) or authored
 
     def _way(self, trial: Trial) -> str:
         made = _WAYS["critical"](trial.setting.timestep_s, trial.setting.integrator)
@@ -366,6 +394,24 @@ class _Search:
         steps = f"{trial.setting.timestep_s:g} s in place of {authored.timestep_s:g} s"
         return f"stiffer equalities and a timestep of {steps}"
 
+    def _so_far(self, best: Trial, starts: list[Start]) -> str:
+        """What is known where the search was cut short."""
+        if not math.isfinite(best.drift):
+            return f"no run so far stays finite: {best.end.message}"
+        if best.drift > self._target:
+            return f"'{best.row}' opens by {best.drift:.2g} {best.unit} at best so far"
+        own = f"'{best.label}' at {best.setting.timestep_s:g} s holds from the user's own start"
+        tried = self._tried(best.setting, starts)
+        worst = max(tried, key=lambda trial: trial.drift, default=best)
+        if worst.drift > self._target:
+            opened = f"'{worst.row}' opens by {worst.drift:.2g} {worst.unit}"
+            return f"{own}, but from a disturbed one {opened if math.isfinite(worst.drift) else 'the run diverges'}"
+        return f"{own}, and {len(tried)} of {len(starts)} disturbed ones were tried"
+
+    def _bends(self, row: Row) -> bool:
+        named = [one for one in equalities(self._model) if (one.name, one.kind) == (row.equality, row.kind)]
+        return any(bends(self._model, one) for one in named)
+
     def _failure(self, best: Trial, verified: list[Trial]) -> str:
         said = []
         worst = max((trial for trial in verified), key=lambda trial: trial.drift, default=best)
@@ -378,7 +424,11 @@ class _Search:
         if self._refused:
             said.append(self._refused)
         elif math.isfinite(best.drift) and best.drift > self._target:
-            said.append("a smaller timestep does not help: it stands on something else than softness and timestep")
-        if worst.row.kind in ("joint", "tendon"):
+            said.append(
+                "a smaller timestep does not help: it stands on something else than softness and timestep"
+                if self._floored
+                else f"smaller timesteps help, and no more than {CORRECTIONS} one after another are tried"
+            )
+        if worst.row.kind in ("joint", "tendon") and self._bends(worst.row):
             said.append(f"MuJoCo leaves J̇v out on rows of a {worst.row.kind} equality, and no softness makes up for it")
         return "; ".join(said)

@@ -1,6 +1,6 @@
-"""Runs of MuJoCo with other settings: how far the loops open, what the energy does, and what a step costs."""
+"""Runs of MuJoCo with other settings: how far the loops open, what the energy does, and what it costs."""
 
-import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -29,12 +29,6 @@ MJCF_INTEGRATORS = {
 DISTURBANCES = (0.05, 0.01)
 """Deviations of what disturbs a start, rad or m, and per s; the smaller one where the larger cannot be closed."""
 
-_TIMED_STEPS, _TIMED = 200, 3
-"""Steps that a cost is taken from, and how often: the fastest counts."""
-
-_TIMED_S = 0.1
-"""s. Once so long was measured, once is enough."""
-
 _BLOCK = 1024
 
 
@@ -56,6 +50,15 @@ class Setting:
     def authored(cls, model: mujoco.MjModel) -> "Setting":
         """What the model has."""
         return cls(float(model.opt.timestep), integrator_name(model))
+
+    @property
+    def evaluations(self) -> int:
+        """Of the model in a step."""
+        return 4 if self.integrator == "rk4" else 1
+
+    def steps(self, duration_s: float) -> int:
+        """Steps of a run of that duration."""
+        return max(1, round(duration_s / self.timestep_s))
 
     def apply(self, model: mujoco.MjModel) -> None:
         """Sets it, in place; equalities of flexes keep their own."""
@@ -123,8 +126,8 @@ class Trial:
         opening: largest deviation of any row at the start, m or rad.
         energy_error: largest energy that came from nowhere, J, as ``Recording.energy_error``; kinetic_energy: the
             largest, J.
-        steps: of the run; step_us: what one takes, µs.
-        cost: time of the run relative to the run as authored.
+        steps: of the run, had it stayed finite; taken: those that it took.
+        cost: evaluations of the model relative to the run as authored; None of a run that diverged.
         predicted: the drift that was expected, where one was.
     """
 
@@ -138,9 +141,9 @@ class Trial:
     energy_error: float
     kinetic_energy: float
     steps: int
-    step_us: float
+    taken: int
     end: End
-    cost: float = 1.0
+    cost: float | None = None
     predicted: float | None = None
 
     @property
@@ -149,13 +152,14 @@ class Trial:
         return self.row.unit
 
     @property
-    def seconds(self) -> float:
-        """What the run costs."""
-        return 1e-6 * self.steps * self.step_us
+    def evaluations(self) -> int:
+        """Of the model, over all steps: what the run costs, whatever machine it is made on."""
+        return self.steps * self.setting.evaluations
 
     def against(self, authored: "Trial") -> "Trial":
         """With its cost relative to another trial's."""
-        return replace(self, cost=self.seconds / authored.seconds if authored.seconds else 1.0)
+        finished = self.end.how == "finished"
+        return replace(self, cost=self.evaluations / authored.evaluations if finished else None)
 
 
 def run_trial(
@@ -166,6 +170,7 @@ def run_trial(
     duration_s: float,
     label: str,
     predicted: float | None = None,
+    tick: Callable[[], None] | None = None,
 ) -> Trial:
     """Runs MuJoCo with a setting, and keeps the figures only.
 
@@ -177,10 +182,11 @@ def run_trial(
         duration_s: how long.
         label: for the trial.
         predicted: the drift that is expected.
+        tick: called at every step; what it raises ends the run.
     """
     own = own_copy(model)
     setting.apply(own)
-    steps = max(1, round(duration_s / setting.timestep_s))
+    steps = setting.steps(duration_s)
     data = _data(own, start)
     layout = Layout.of(own, data.eq_active)
     columns, block = RowColumns(layout), np.zeros((_BLOCK, layout.rows))
@@ -188,6 +194,8 @@ def run_trial(
     worst, row, at, taken, opening = 0.0, 0, 0, 0, 0.0
     with np.errstate(all="ignore"), collected_warnings():
         for step in walk(own, data, drive(own, laws), steps):
+            if tick is not None:
+                tick()
             energy[step], power[step] = data.energy, other_power(data)
             slot = step % _BLOCK
             if data.ne == layout.rows:
@@ -202,7 +210,6 @@ def run_trial(
                 worst, row, at = _worst(block[: slot + 1], taken, worst, row, at)
         if taken < steps:
             worst, row, at = _worst(block[: taken % _BLOCK], taken, worst, row, at)
-        step_us = _step_us(own, start, steps)
     finished = taken == steps
     errors = energy_error(energy[:taken], power[:taken], setting.timestep_s)
     return Trial(
@@ -216,7 +223,7 @@ def run_trial(
         energy_error=float(np.abs(errors).max(initial=0.0)),
         kinetic_energy=float(energy[:taken, 1].max(initial=0.0)),
         steps=steps,
-        step_us=step_us,
+        taken=taken,
         end=End("finished", float(data.time)) if finished else diverged(own, data),
         predicted=predicted,
     )
@@ -236,18 +243,6 @@ def _worst(block: np.ndarray, taken: int, worst: float, row: int, at: int) -> tu
     step, column = np.unravel_index(int(np.abs(block).argmax()), block.shape)
     size = float(abs(block[step, column]))
     return (size, int(column), taken - len(block) + int(step)) if size > worst else (worst, row, at)
-
-
-def _step_us(model: mujoco.MjModel, start: Start, steps: int) -> float:
-    count, fastest, first = min(_TIMED_STEPS, steps), np.inf, time.perf_counter()
-    for _ in range(_TIMED):
-        data = _data(model, start)
-        began = time.perf_counter()
-        mujoco.mj_step(model, data, nstep=count)
-        fastest = min(fastest, time.perf_counter() - began)
-        if time.perf_counter() - first > _TIMED_S:
-            break
-    return 1e6 * fastest / count
 
 
 def disturbed(model: mujoco.MjModel, start: Start, seed: int) -> Start | None:

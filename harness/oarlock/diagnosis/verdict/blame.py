@@ -42,7 +42,7 @@ SAGS = 1.5
 much work is that of a loop that sags, which is compliance, and no motion that fades."""
 
 SAME_COST = 0.15
-"""Costs are measured: within this they are the same."""
+"""Of a cost: less is not worth a word."""
 
 _IMPLICIT = 0.5
 """Of the part of time stepping: the implicit damping behind it is what is named."""
@@ -264,7 +264,7 @@ def version(exam: Examination) -> Iterator[Finding]:
 
 
 def remedy(exam: Examination) -> Iterator[Finding]:
-    """T1 or T3."""
+    """T1, T3 or T5."""
     recipe = exam.recipe
     if recipe is None or recipe.outcome == "holds":
         return
@@ -281,6 +281,10 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         "energy_error_before_j": finite(recipe.authored.energy_error),
         "energy_error_j": finite(chosen.energy_error),
     }
+    if recipe.outcome == "undecided":
+        said = f"not decided whether {recipe.target:g} can be held: {recipe.reason}"
+        yield found("T5", exam.file, said, **figures)
+        return
     if not recipe.reached:
         said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
         yield found("T3", exam.file, said, element=after.row.equality, **figures)
@@ -315,7 +319,8 @@ def _alone(recipe: Recipe) -> Trial | None:
 
 
 def _cost(trial: Trial) -> str:
-    return "the same cost" if abs(trial.cost - 1.0) <= SAME_COST else f"{trial.cost:.2g} times the cost"
+    cost = trial.cost or 1.0
+    return "the same cost" if abs(cost - 1.0) <= SAME_COST else f"{cost:.2g} times the cost"
 
 
 def held(trial: Trial) -> str:

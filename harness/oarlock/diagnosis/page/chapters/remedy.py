@@ -36,8 +36,8 @@ def remedy(exam: Examination) -> Chapter:
         )
         chapter.code(recipe.conserving.setting.mjcf)
     chapter.explain(
-        "Every run that was made. Drift: the largest deviation of any row. Cost: time of the run relative to the run "
-        "as authored, measured on this machine."
+        "Every run that was made. Drift: the largest deviation of any row. Cost: evaluations of the model relative to "
+        "the run as authored, one a step and four under Runge–Kutta."
     )
     settings = ("timestep (s)", "integrator", "solref", "solimp")
     chapter.table(
@@ -62,6 +62,7 @@ def _outcome(recipe: Recipe) -> str:
         "reached": f"It holds {wanted} with {recipe.reason}: it {drifted}, at {figure(recipe.chosen.cost)} times the "
         f"cost; as authored it opens by {_drifted(recipe.authored)}.",
         "not-reached": f"Nothing that was tried holds {wanted}: {recipe.reason}. The best of the runs {drifted}.",
+        "undecided": f"Whether anything holds {wanted} is not decided: {recipe.reason}. The best so far {drifted}.",
     }[recipe.outcome]
 
 
@@ -89,7 +90,7 @@ def _trial(trial: Trial, *, chosen: bool) -> tuple[str, ...]:
         figure(trial.predicted),
         str(trial.row),
         figure(trial.energy_error) if finite else NOTHING,
-        f"× {figure(trial.cost)}",
+        f"× {figure(trial.cost)}" if trial.cost is not None else NOTHING,
     )
 
 
