@@ -34,8 +34,8 @@ FLAT_S, FLAT = 0.7143555293, 1e-3
 
 
 def examined(name: str, duration_s: float | None = None, target: float = 1e-6, **changes) -> Any:
-    """An examination with another integrator or timestep, or options of MuJoCo changed by name."""
-    asked = {key: changes.pop(key) for key in ("integrator", "timestep") if key in changes}
+    """An examination with another integrator, timestep or budget, or options of MuJoCo changed by name."""
+    asked = {key: changes.pop(key) for key in ("integrator", "timestep", "budget") if key in changes}
     return looked_at(
         name, CheckOptions(duration=duration_s or DURATION_S.get(name, 1.0), target=target, **asked), **changes
     )
@@ -110,11 +110,11 @@ def test_boat_drifts_by_softness_and_is_held_at_the_same_timestep():
 
 
 def test_boat_by_a_solver_that_stops_early():
-    found = examined("boat", integrator="euler", solver=mujoco.mjtSolver.mjSOL_PGS, iterations=2)
+    found = examined("boat", integrator="euler", solver=mujoco.mjtSolver.mjSOL_PGS, iterations=2, budget=0)
     one = only(judge(found), "D6")
     assert one.figures["drift_m"] > 1e-3
     assert one.figures["share_solver"] > 0.9
-    patient = examined("boat", integrator="euler", solver=mujoco.mjtSolver.mjSOL_PGS, iterations=200)
+    patient = examined("boat", integrator="euler", solver=mujoco.mjtSolver.mjSOL_PGS, iterations=200, budget=0)
     assert {"D1", "D6"} & {one.code for one in judge(patient)} == {"D1"}
 
 
@@ -127,19 +127,19 @@ def test_fast_four_bar_by_time_stepping_and_without_curvature():
     assert one.figures["share_stepping"] > 1.0
     assert "rk4 in place of euler" in only(findings, "T1").line
     assert only(findings, "V1").figures["without"] > 10 * one.figures["drift_m"]
-    half = examined("four_bar", 2.0, integrator="euler", timestep=5e-4)
+    half = examined("four_bar", 2.0, integrator="euler", timestep=5e-4, budget=0)
     stepping = [exam.attribution.worst.parts["stepping"] for exam in (found, half)]
     assert abs(stepping[1]) < 0.6 * abs(stepping[0])
 
 
 def test_four_bar_under_implicitfast_has_no_damping_to_blame():
-    codes = {one.code for one in judge(examined("four_bar", integrator="implicitfast"))}
+    codes = {one.code for one in judge(examined("four_bar", integrator="implicitfast", budget=0))}
     assert "D3" in codes
     assert "D4" not in codes
 
 
 def test_gear_train_by_missing_curvature():
-    found = examined("gear_train", integrator="euler", timestep=1e-3)
+    found = examined("gear_train", integrator="euler", timestep=1e-3, budget=0)
     one = only(judge(found), "D2")
     assert one.element == "direct_mesh"
     assert one.figures["also"] == ["first_mesh"]
