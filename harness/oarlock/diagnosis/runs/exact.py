@@ -7,27 +7,24 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import polars as pl
 
-from oarlock.base import core
-from oarlock.base.errors import InputError, RefusedError, one_line
+from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case_file import Baumgarte
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.walking import End, integrator_name, own_copy
 from oarlock.mechanics.curvature import Curvature
-from oarlock.mechanics.inequalities import refuse_inequalities
 from oarlock.mechanics.prepare import INTEGRATORS
-from oarlock.stepping import native_path
-from oarlock.stepping.figures import drift
-from oarlock.stepping.projection import TRACKED, Projector
-from oarlock.stepping.question import SolvedForce
+from oarlock.stepping.ending import Ending
+from oarlock.stepping.paths import fitting_path
+from oarlock.stepping.prepared import Prepared
+from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
-from oarlock.stepping.state import State
-from oarlock.stepping.walkers import ForcedWalker, is_finite
 
 SOLVER = SolverSpec("auto")
 
-_TICK = 200
+_FIGURES = ("rank", "drift_pos", "drift_vel", "drift_acc", "qpos", "residual", "multipliers")
 
 
 @dataclass(frozen=True)
@@ -41,7 +38,8 @@ class ExactRun:
         force: minimum-norm multipliers λ, N or N m, in MuJoCo's sign.
         drift: largest r, J v and J a + J̇v of any row, (steps, 3), m or rad, per s, per s².
         rank: of A.
-        end: ``refused`` where a contact, limit or friction became active, which the exact solution does not know.
+        end: ``refused`` where a contact, limit or friction became active, which the exact solution does not know, or
+            where a state could not be solved for or projected.
     """
 
     layout: Layout
@@ -87,10 +85,13 @@ def record_exact(
     Curvature(own, data)
     if layout.rows == 0:
         raise InputError("no active equality, expected at least one that closes a loop")
+    prepared = Prepared(own, drive(own, laws), data.qpos.copy(), data.qvel.copy(), steps)
+    path = fitting_path(prepared, Baumgarte())
+    (table,), ending = path.free(SOLVER, "hard", TRACKED, SolverSpec(REFERENCE))
     rows = _Rows(own, layout, steps)
-    walk = _python if native_path.refusal() else _native
-    end = walk(own, data, laws, steps, rows)
-    return rows.run(integrator_name(own), note, end)
+    for chunk in table.chunks(_FIGURES):
+        rows.take(chunk)
+    return rows.run(integrator_name(own), note, _end(ending, prepared))
 
 
 class _Rows:
@@ -106,7 +107,14 @@ class _Rows:
         self.present = np.zeros((steps, layout.rows), dtype=bool)
         self.drift, self.rank = np.zeros((steps, 3)), np.zeros(steps, int)
 
-    def append(
+    def take(self, chunk: pl.DataFrame) -> None:
+        """Takes rows of a table of steps."""
+        vectors = zip(*(chunk[name].to_list() for name in ("qpos", "residual", "multipliers")), strict=True)
+        drift = chunk.select("drift_pos", "drift_vel", "drift_acc").to_numpy()
+        for (qpos, position, force), figures, rank in zip(vectors, drift, chunk["rank"].to_list(), strict=True):
+            self._append(np.array(qpos), np.array(position), np.array(force), figures, rank)
+
+    def _append(
         self, qpos: np.ndarray, position: np.ndarray, force: np.ndarray, drift: np.ndarray, rank: int | None
     ) -> None:
         step = self.taken
@@ -139,83 +147,10 @@ class _Rows:
         )
 
 
-def _finished(steps: int, model: mujoco.MjModel) -> End:
-    return End("finished", max(0, steps - 1) * float(model.opt.timestep))
-
-
-def _native(model: mujoco.MjModel, data: mujoco.MjData, laws: dict[str, str], steps: int, rows: _Rows) -> End:
-    setup = core.Setup(
-        model,
-        qpos=data.qpos.copy(),
-        qvel=data.qvel.copy(),
-        laws=drive(model, laws).laws,
-        beta=0.0,
-        k=0.0,
-        observed=None,
-        conserved=False,
-        snapshots=[],
-    )
-    run = setup.free_solved(steps, "hard", SOLVER.make(), SolverSpec(REFERENCE).make(), TRACKED.make())
-    left = steps
-    while left > 0:
-        asked = min(_TICK, left)
-        taken = run.advance(asked)
-        _take_over(run.tables()[0], rows)
-        left -= taken
-        if taken < asked:
-            break
-    if run.end is None:
-        return _finished(steps, model)
-    _, time, kind, message = run.end
-    if kind == "inequalities":
-        data.qpos[:], data.qvel[:], _ = run.state
-        data.time = time
-        message = _refusal(model, data)
-    how = "refused" if kind in ("inequalities", "refused") else "diverged"
-    return End(how, time, one_line(message) or f"the state is no longer finite at t = {time:.6g} s")
-
-
-def _refusal(model: mujoco.MjModel, data: mujoco.MjData) -> str:
-    mujoco.mj_fwdPosition(model, data)
-    mujoco.mj_fwdVelocity(model, data)
-    try:
-        refuse_inequalities(model, data)
-    except RefusedError as error:
-        return str(error).partition(", expected")[0]
-    return ""
-
-
-def _take_over(columns: dict, rows: _Rows) -> None:
-    if "step" not in columns:
-        return
-    qpos, position, force = (_lists(columns[name]) for name in ("qpos", "residual", "multipliers"))
-    drift = np.stack([columns[f"drift_{level}"].values for level in ("pos", "vel", "acc")], axis=1)
-    for step, rank in enumerate(columns["rank"].values.tolist()):
-        rows.append(qpos[step], position[step], force[step], drift[step], rank)
-
-
-def _lists(column: core.Column) -> list[np.ndarray]:
-    return np.split(column.values, np.cumsum(np.asarray(column.lengths, dtype=int))[:-1])
-
-
-def _python(model: mujoco.MjModel, data: mujoco.MjData, laws: dict[str, str], steps: int, rows: _Rows) -> End:
-    state = State(model, data, Baumgarte())
-    force = SolvedForce(state, "hard", SOLVER.make())
-    walker = ForcedWalker(model, data, drive(model, laws), force, Projector(model, solver=TRACKED))
-    with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(steps):
-            time = float(data.time)
-            try:
-                walker.look()
-                rank = force.take_infos()[0].rank
-                figures = np.array(drift(state, data.qacc))
-                rows.append(data.qpos, state.residual[: data.ne], data.efc_force[: data.ne], figures, rank)
-                walker.step()
-            except RefusedError as error:
-                return End("refused", time, str(error).partition(", expected")[0])
-            except InputError as error:
-                return End("diverged", time, one_line(error))
-            if not is_finite(data):
-                return End("diverged", time, f"the state is no longer finite at t = {time:.6g} s")
-            force.take_infos()
-    return _finished(steps, model)
+def _end(ending: Ending | None, prepared: Prepared) -> End:
+    if ending is None:
+        return End("finished", max(0, prepared.steps - 1) * prepared.timestep_s)
+    if ending.error is None:
+        return End("diverged", ending.time_s, f"{ending.reason} at t = {ending.time_s:.6g} s")
+    refused = isinstance(ending.error, RefusedError)
+    return End("refused", ending.time_s, ending.reason.partition(", expected")[0] if refused else ending.reason)
