@@ -19,12 +19,10 @@ from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import INTEGRATORS, prepare
+from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import PreparedCase
-from oarlock.stepping.question import SolvedForce
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 from oarlock.stepping.start import KEYFRAME, ConsistentStart, consistent_start
-from oarlock.stepping.state import State
-from oarlock.stepping.walkers import ForcedWalker
 
 AS_IT_STANDS = 1e-9
 """rad or m. A start that closing moves by less counts as closed: the digits of its file."""
@@ -250,25 +248,14 @@ def _exact_run(case: Case, steps: int) -> np.ndarray:
     Raises:
         RefusedError: a contact, limit or friction became active.
     """
-    conditions = Conditions(duration_s=steps * (case.file.run.timestep_s or 0.0))
-    setup = PreparedCase(case, None, case.file.run.integrator, "default", conditions)
-    data = setup.data()
-    force = SolvedForce(State(setup.model, data, case.file.baumgarte), "hard", SolverSpec(REFERENCE).make())
-    walker = ForcedWalker(setup.model, data, setup.drive, force)
-    path = np.full((steps + 1, setup.model.nq), np.nan)
-    with np.errstate(over="ignore", invalid="ignore"):
-        for step in range(steps + 1):
-            if not np.isfinite(data.qpos).all():
-                break
-            path[step] = data.qpos
-            try:
-                walker.look()
-                walker.step()
-            except RefusedError:
-                raise
-            except InputError:
-                break  # what cannot be solved has diverged
-            force.take_infos()
+    run = case.file.run
+    conditions = Conditions(duration_s=(steps + 1) * (run.timestep_s or 0.0))  # a row is of the start of a step
+    prepared = PreparedCase(case, None, run.integrator, "default", conditions)
+    (table,), ending = fitting_path(prepared, case.file.baumgarte).free(SolverSpec(REFERENCE), "hard", None)
+    if ending is not None and isinstance(ending.error, RefusedError):
+        raise ending.error
+    path = np.full((steps + 1, prepared.model.nq), np.nan)
+    path[: len(table)] = np.array(table.frame()["qpos"].to_list()).reshape(-1, prepared.model.nq)
     return path
 
 
