@@ -127,7 +127,7 @@ def limited(model: mujoco.MjModel) -> set[str]:
 def test_gripper_has_limits_and_is_driven_by_one_tendon():
     model = load("gripper_2f/gripper_2f.xml")
     assert limited(model) == {model.joint(index).name for index in range(model.njnt)}
-    kinds = [equality.kind for equality in equalities(model)]
+    kinds = [equality.kind.name for equality in equalities(model)]
     assert kinds == ["connect", "connect", "joint"]
     assert model.nu == 1
     assert model.actuator_trntype[0] == mujoco.mjtTrn.mjTRN_TENDON
@@ -206,12 +206,12 @@ def test_leg_in_its_scene_comes_down_on_the_floor():
 def test_thirty_are_of_every_kind():
     model = load("thirty_equalities.xml")
     found = equalities(model)
-    assert Counter(equality.kind for equality in found) == {"connect": 11, "joint": 10, "weld": 5, "tendon": 4}
-    assert {equality.kind for equality in found if equality.sites} == {"connect", "weld"}
+    assert Counter(equality.kind.name for equality in found) == {"connect": 11, "joint": 10, "weld": 5, "tendon": 4}
+    assert {equality.kind.name for equality in found if equality.sites} == {"connect", "weld"}
     assert sum(equality.name.startswith("#") for equality in found) == 3
     assert [found[i].name for i in np.flatnonzero(model.eq_active0 == 0)] == ["parking_hook"]
     assert mujoco.mj_isSparse(model)
-    quadratic = [e.name for e in found if e.kind in ("joint", "tendon") and model.eq_data[e.index, 2] != 0]
+    quadratic = [e.name for e in found if e.kind.name in ("joint", "tendon") and model.eq_data[e.index, 2] != 0]
     assert quadratic == ["mesh_34", "mesh_78", "pull_1"]
 
 

@@ -114,7 +114,7 @@ def test_anchors_are_where_mujoco_holds_them_together(tangle):
     mujoco.mj_integratePos(tangle, data.qpos, rng.normal(0, 1, tangle.nv), 1.0)
     mujoco.mj_fwdPosition(tangle, data)
     for equality in equalities(tangle):
-        if equality.kind in ("connect", "weld"):
+        if equality.kind.joins_points:
             point1, point2 = (
                 data.site_xpos[equality.sites[end]]
                 if equality.sites

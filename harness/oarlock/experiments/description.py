@@ -1,6 +1,5 @@
 """What the model of a case turned out to be, and what the case expects of it."""
 
-from dataclasses import asdict
 from typing import Any
 
 from oarlock.cases.case import Case
@@ -23,7 +22,7 @@ def describe(setup: PreparedCase) -> dict[str, Any]:
         "closing_moved": start.moved,
         "unique_reactions": start.unique,
         "coordinates": coordinates(setup.model),
-        "equalities": [asdict(equality) for equality in equalities(setup.model)],
+        "equalities": [equality.document() for equality in equalities(setup.model)],
     }
 
 

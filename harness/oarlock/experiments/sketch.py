@@ -91,10 +91,10 @@ def _joint_anchors(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> lis
 
 
 def _equality_anchors(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[int, np.ndarray]]:
-    """(body, world point) of both ends of every connect and weld."""
+    """(body, world point) of both ends of every equality that joins points."""
     found = []
     for equality in equalities(model):
-        if equality.kind not in ("connect", "weld"):
+        if not equality.kind.joins_points:
             continue
         for end, body in enumerate(equality.bodies):
             if equality.sites:

@@ -8,6 +8,7 @@ The exact time derivative of MuJoCo's own rows of J, times v:
   where ÿ and ẍ are 0 for joints and fixed tendons. MuJoCo leaves it out of their aref.
 """
 
+from collections.abc import Callable
 from typing import NoReturn
 
 import mujoco
@@ -15,6 +16,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.base.vectors import horner
+from oarlock.cases.equality_kinds import unknown
 from oarlock.mechanics.kinematics import Kinematics
 from oarlock.mechanics.names import Equality, equalities
 from oarlock.mechanics.tendons import Tendon
@@ -75,16 +77,19 @@ class _Tendons(_Coupling):
 
 
 def bends(model: mujoco.MjModel, equality: Equality) -> bool:
-    """Whether J̇v of a joint or tendon equality can be other than 0: the polynomial, or a tendon's length, is curved."""
+    """Whether J̇v of a coupling can be other than 0: its polynomial, or the length of a tendon of it, is curved."""
     first, second = int(model.eq_obj1id[equality.index]), int(model.eq_obj2id[equality.index])
     if second >= 0 and model.eq_data[equality.index, 2:5].any():
         return True
-    tendons = [tendon for tendon in (first, second) if tendon >= 0] if equality.kind == "tendon" else []
+    tendons = [tendon for tendon in (first, second) if tendon >= 0] if equality.kind.holds == "tendons" else []
     return any(model.wrap_type[model.tendon_adr[tendon]] != mujoco.mjtWrap.mjWRAP_JOINT for tendon in tendons)
 
 
+_COUPLINGS: dict[str, Callable[[mujoco.MjModel, int], _Coupling]] = {"joints": _Joints, "tendons": _Tendons}
+
+
 class Curvature:
-    """Computes J̇v of the active rows of connect, weld, joint and tendon equalities.
+    """Computes J̇v of the active rows of every kind of equality that is known.
 
     Raises:
         InputError: an active equality is of another kind.
@@ -95,11 +100,9 @@ class Curvature:
         self._unknown: dict[int, Equality] = {}
         for equality in equalities(model):
             index = equality.index
-            if equality.kind == "joint":
-                self._couplings[index] = _Joints(model, index)
-            elif equality.kind == "tendon":
-                self._couplings[index] = _Tendons(model, index)
-            elif equality.kind not in ("connect", "weld"):
+            if equality.kind.leaves_curvature_out:
+                self._couplings[index] = _COUPLINGS[equality.kind.holds](model, index)
+            elif not equality.kind.known:
                 self._unknown[index] = equality
                 if data.eq_active[index]:
                     self._refuse(index)
@@ -108,10 +111,7 @@ class Curvature:
 
     def _refuse(self, index: int) -> NoReturn:
         equality = self._unknown[index]
-        raise InputError(
-            f"equality '{equality.name}' is a {equality.kind}, expected connect, weld, joint or tendon: "
-            "J̇v of other kinds is not known"
-        )
+        raise InputError(f"{unknown(equality.name, equality.kind)}: J̇v of other kinds is not known")
 
     def write(self, data: mujoco.MjData, out: np.ndarray) -> None:
         """Writes J̇v (ne; m/s² or rad/s²) of a state whose position and velocity stages are done to ``out``.

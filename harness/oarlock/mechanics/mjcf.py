@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.cases.equality_kinds import KIND_OF
 from oarlock.mechanics.load import load_model
 
 ASSETS = "assets"
@@ -31,13 +32,7 @@ _FILES = {
 }
 """Element → attributes that refer to files."""
 
-_ENDS = {
-    "connect": ("body1", "body2", "site1", "site2"),
-    "weld": ("body1", "body2", "site1", "site2"),
-    "joint": ("joint1", "joint2"),
-    "tendon": ("tendon1", "tendon2"),
-    "flex": ("flex",),
-}
+_ENDS = {element: kind.ends for element, kind in KIND_OF.items()}
 """Element of an equality → attributes that a name for it is made of."""
 
 _BEFORE_ROOT = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml.*?\?>\s*)?((?:<!--.*?-->\s*)+)", re.DOTALL)

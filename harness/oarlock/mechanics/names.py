@@ -1,9 +1,13 @@
 """Names, units and equalities of a model."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
+
+from oarlock.cases.equality_kinds import KIND_OF, EqualityKind, unknown
+from oarlock.mechanics.coupled import coupled
 
 
 def element_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:
@@ -33,56 +37,64 @@ class Equality:
 
     index: int
     name: str
-    kind: str
+    kind: EqualityKind
     bodies: tuple[int, int]
-    """Body ids of the ends of a connect or weld; 0 is the world. (0, 0) for other kinds."""
+    """Body ids of the ends of one that joins points; 0 is the world. (0, 0) for others."""
     sites: tuple[int, int] | None
-    """Site ids, for a connect or weld between sites."""
-    rows: int
-    """Rows that it has while it is active; 0 where they are not known."""
+    """Site ids, where points of sites are joined."""
     unit: str
     """Unit of its rows' deviations."""
 
+    @property
+    def rows(self) -> int:
+        """Rows that it has while it is active.
+
+        Raises:
+            InputError: their number depends on the model (flex).
+        """
+        if self.kind.rows is None:
+            raise unknown(self.name, self.kind)
+        return self.kind.rows
+
     def anchor(self, model: mujoco.MjModel, end: int) -> np.ndarray:
-        """Anchor of a connect or weld between bodies: the point of that end's body (0 or 1), body frame, (3), m."""
-        # A connect keeps the first body's anchor first, a weld the second body's.
-        start = 3 * end if self.kind == "connect" else 3 * (1 - end)
+        """Where it joins the body of an end (0 or 1), if it joins no sites: a point in the body's frame, (3), m."""
+        # What holds an orientation too keeps the second body's anchor first.
+        start = 3 * (1 - end) if self.kind.turns else 3 * end
         return model.eq_data[self.index, start : start + 3].copy()
 
+    def torque_scale(self, model: mujoco.MjModel) -> float:
+        """Factor of its rotation rows, m/rad; 0 where it has none."""
+        return float(model.eq_data[self.index, 10]) if self.kind.turns else 0.0
 
-_KINDS = {
-    mujoco.mjtEq.mjEQ_CONNECT: ("connect", 3),
-    mujoco.mjtEq.mjEQ_WELD: ("weld", 6),
-    mujoco.mjtEq.mjEQ_JOINT: ("joint", 1),
-    mujoco.mjtEq.mjEQ_TENDON: ("tendon", 1),
-}
+    def document(self) -> dict[str, Any]:
+        """For JSON; ``rows`` is null where their number depends on the model."""
+        return {
+            "index": self.index,
+            "name": self.name,
+            "kind": self.kind.name,
+            "bodies": self.bodies,
+            "sites": self.sites,
+            "rows": self.kind.rows,
+            "unit": self.unit,
+        }
+
+
+_KINDS = {int(getattr(mujoco.mjtEq, f"mjEQ_{element.upper()}")): kind for element, kind in KIND_OF.items()}
 
 
 def equalities(model: mujoco.MjModel) -> list[Equality]:
     """Every equality of the model, active or not."""
     found = []
     for index in range(model.neq):
-        kind, rows = _KINDS.get(mujoco.mjtEq(model.eq_type[index]), ("flex", 0))
+        kind = _KINDS[int(model.eq_type[index])]
         first, second = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
         bodies, sites = (0, 0), None
-        if kind in ("connect", "weld"):
+        if kind.joins_points:
             bodies = first, second
             if model.eq_objtype[index] == mujoco.mjtObj.mjOBJ_SITE:
                 sites = first, second
                 bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
         name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index)
-        found.append(Equality(index, name, kind, bodies, sites, rows, _unit(model, kind, first)))
+        unit = kind.own_unit or coupled(kind).unit(model, first)
+        found.append(Equality(index, name, kind, bodies, sites, unit))
     return found
-
-
-def _unit(model: mujoco.MjModel, kind: str, first: int) -> str:
-    slides = mujoco.mjtJoint.mjJNT_SLIDE
-    if kind == "joint":
-        return "m" if model.jnt_type[first] == slides else "rad"
-    if kind == "tendon":
-        start, count = int(model.tendon_adr[first]), int(model.tendon_num[first])
-        if model.wrap_type[start] == mujoco.mjtWrap.mjWRAP_JOINT:
-            joints = model.wrap_objid[start : start + count]
-            units = {"m" if model.jnt_type[joint] == slides else "rad" for joint in joints}
-            return units.pop() if len(units) == 1 else "m or rad"
-    return "m or rad" if kind in ("weld", "flex") else "m"

@@ -13,6 +13,7 @@ import polars as pl
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import reading
+from oarlock.cases.equality_kinds import KINDS
 from oarlock.render.folder import CONTENTS, require_report, write_whole
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
@@ -22,7 +23,7 @@ from oarlock.tables.figures import TIMING_FIGURES, shown
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.provenance import OCCASION, occasion_of
 
-_NO_CURVATURE = ("joint", "tendon")
+_NO_CURVATURE = {kind.name for kind in KINDS if kind.leaves_curvature_out}
 
 
 class Tables:
@@ -127,7 +128,8 @@ def draw(tables: Tables) -> list[Figure]:
         chart = figures.over_time(free, "truth_error", f"|{what} − truth|")
         drawn.append(Figure("truth", "Distance from the outside truth.", chart))
     if free:
-        equality = tables.case["model"]["equalities"][0]
+        # Those of a flex, which is never active in a run, are not known.
+        equality = next(one for one in tables.case["model"]["equalities"] if one["rows"])
         chart = figures.deviations(free, equality["rows"], equality["name"], equality["unit"])
         caption = f"Deviations of the constraint rows of '{equality['name']}': how far the loop stands open."
         drawn.append(Figure("deviations", caption, chart))

@@ -84,7 +84,7 @@ class Scaffold:
     @property
     def closed_by(self) -> str:
         """``2 connects and 1 weld``."""
-        kinds = [equality.kind for equality in self.equalities]
+        kinds = [equality.kind.name for equality in self.equalities]
         counts = {kind: kinds.count(kind) for kind in kinds}
         return few([f"{count} {kind}{'s' if count > 1 else ''}" for kind, count in counts.items()])
 

@@ -9,13 +9,12 @@ import numpy as np
 from oarlock.base.arrays import largest
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.case_file import Published
+from oarlock.cases.equality_kinds import KNOWN
 from oarlock.mechanics.names import equalities
 from oarlock.mechanics.observed import Observed
 
 ON_GRID = 1e-9
 """Part of a timestep by which the time of a value may differ from that of a step; no state is interpolated."""
-
-_ROWS = {"connect": 3, "weld": 6, "joint": 1, "tendon": 1, "flex": 1}
 
 
 def componentwise(value: np.ndarray, published: np.ndarray) -> float:
@@ -58,7 +57,10 @@ class PublishedValues:
                 continue
             if value.equality is not None:
                 observed = names.index(choose(f"equality in {where}", value.equality, names))
-                rows, given = _ROWS[all_of[observed].kind], len(value.multipliers or ())
+                kind, given = all_of[observed].kind, len(value.multipliers or ())
+                if not kind.known:
+                    raise InputError(f"{where}: multipliers of '{value.equality}', a {kind}, expected {KNOWN}")
+                rows = kind.rows
                 if given != rows:
                     raise InputError(f"{where}: {given} multipliers of '{value.equality}', expected {rows}, one a row")
             else:

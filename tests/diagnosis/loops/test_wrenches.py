@@ -316,7 +316,7 @@ def test_what_goes_through_does_the_work_of_the_multipliers(name, moving):
             if one.total.ends is not None:
                 loop = loops_at(assembly).loops[number]
                 for name_, value in zip(one.ends, one.total.ends[at], strict=True):
-                    if loop.equality.kind == "joint":
+                    if loop.equality.kind.name == "joint":
                         work[model.joint(name_).dofadr[0]] += value
                     else:
                         tendon = model.tendon(name_).id

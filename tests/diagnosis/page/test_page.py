@@ -335,7 +335,7 @@ def test_gaps_over_time_are_openings():
             break
     recording = exam.recording
     assert recording
-    (place,) = [at for at, one in enumerate(recording.layout.equalities) if one.kind == "weld"]
+    (place,) = [at for at, one in enumerate(recording.layout.equalities) if one.kind.name == "weld"]
     series = pictures.gaps(recording, recording, place)
     for step in (0, 50, recording.steps - 1):
         rows = recording.position[step, recording.layout.of_equality(place)]
@@ -362,7 +362,7 @@ def loaded(exam):
     forces = [
         (one.name, exam.recording.force[:, layout.of_equality(place)])
         for place, one in enumerate(layout.equalities)
-        if one.kind == "connect"
+        if one.kind.name == "connect"
     ]
     return tuple(
         Wrench(name, ("a", "b"), (), Series(force, None, None), Series(0.3 * force, None, None), frames)

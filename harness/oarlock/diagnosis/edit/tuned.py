@@ -9,7 +9,8 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from oarlock.base.errors import InputError, one_line
-from oarlock.diagnosis.runs.trials import EQUALITIES, Setting
+from oarlock.cases.equality_kinds import KIND_OF
+from oarlock.diagnosis.runs.trials import Setting
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.mjcf import Copier, differences
 
@@ -63,7 +64,8 @@ class _Tuner(Copier):
 
         Those of an attached model too: where it has options of its own, MuJoCo warns of any that differ.
         """
-        found = [element for parent in root.iter("equality") for element in parent if element.tag in EQUALITIES]
+        every = [element for parent in root.iter("equality") for element in parent]
+        found = [element for element in every if element.tag in KIND_OF and KIND_OF[element.tag].known]
         for element in found:
             element.attrib.update(self._setting.equality_attributes())
         options = root.findall("option")

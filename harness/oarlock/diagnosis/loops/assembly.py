@@ -9,7 +9,7 @@ import copy
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError
+from oarlock.cases.equality_kinds import unknown
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.names import Equality, equalities
@@ -59,8 +59,8 @@ class Assembly:
         off = model.opt.disableflags & (mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         active = [] if off else [one for one in equalities(model) if self.data.eq_active[one.index]]
         for equality in active:
-            if not equality.rows:
-                raise InputError(f"equality '{equality.name}' is a flex, expected connect, weld, joint or tendon")
+            if not equality.kind.known:
+                raise unknown(equality.name, equality.kind)
         self.layout = Layout.of(self.model, np.zeros_like(self.data.eq_active) if off else self.data.eq_active)
         self._columns = RowColumns(self.layout)
         self.equalities = list(self.layout.equalities)
@@ -117,7 +117,7 @@ class Assembly:
         present = set(self.data.efc_id[: self.data.ne].tolist())
         for equality, start in zip(self.equalities, self.starts, strict=True):
             left_out = self.data.eq_active[equality.index] and equality.index not in present
-            if left_out and equality.kind in ("connect", "weld"):
+            if left_out and equality.kind.joins_points:
                 first, second = anchors(self.model, self.data, equality)
                 found[start : start + 3] = first - second
         return found

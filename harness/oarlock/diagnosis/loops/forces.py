@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.assembly import Assembly, anchors
+from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality
 
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -40,25 +41,22 @@ class BodyWrench(NamedTuple):
 def body_wrenches(assembly: Assembly, number: int) -> list[BodyWrench]:
     """What the bodies get from one of an assembly's equalities, at its present pose; of a body there may be several."""
     equality = assembly.equalities[number]
-    if equality.kind in ("connect", "weld"):
+    if equality.kind.joins_points:
         return _between_bodies(assembly, equality)
-    model, data, index = assembly.model, assembly.data, equality.index
-    first, second = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
-    act = _along_joint if equality.kind == "joint" else _along_tendon
+    model, data, act = assembly.model, assembly.data, _ALONG[equality.kind.holds]
+    first, *second = coupled_ids(model, equality.index)
     found = act(model, data, first, 1.0)
-    return found + act(model, data, second, -coupling_slope(assembly, equality)) if second >= 0 else found
+    for other in second:
+        found += act(model, data, other, -coupling_slope(assembly, equality))
+    return found
 
 
 def coupling_slope(assembly: Assembly, equality: Equality) -> float:
-    """p'(x) of a joint or tendon equality at the present pose; 0 where it couples to a constant."""
-    model, data, second = assembly.model, assembly.data, int(assembly.model.eq_obj2id[equality.index])
-    if second < 0:
+    """p'(x) of a coupling at the present pose; 0 of what couples to a constant, or joins points."""
+    model, second = assembly.model, int(assembly.model.eq_obj2id[equality.index])
+    if equality.kind.joins_points or second < 0:
         return 0.0
-    if equality.kind == "joint":
-        address = int(model.jnt_qposadr[second])
-        x = float(data.qpos[address] - model.qpos0[address])
-    else:
-        x = float(data.ten_length[second] - model.tendon_length0[second])
+    x = coupled(equality.kind).position(model, assembly.data, second)
     return float(np.polyval(np.polyder(model.eq_data[equality.index, 4::-1]), x))
 
 
@@ -100,12 +98,12 @@ def _between_bodies(assembly: Assembly, equality: Equality) -> list[BodyWrench]:
     model, data = assembly.model, assembly.data
     force, torque = np.zeros((2, 3, equality.rows))
     force[:, :3] = np.eye(3)
-    if equality.kind == "weld":
+    if equality.kind.turns:
         first, second = (
             quat_product(data.xquat[body], turn)
             for body, turn in zip(equality.bodies, turns(model, equality), strict=True)
         )
-        torque[:, 3:] = torque_map(first, second, float(model.eq_data[equality.index, 10]))
+        torque[:, 3:] = torque_map(first, second, equality.torque_scale(model))
     points = anchors(model, data, equality)
     return [
         BodyWrench(body, point, sign * force, sign * torque)
@@ -168,3 +166,7 @@ def _along_tendon(model: mujoco.MjModel, data: mujoco.MjData, tendon: int, facto
             found.append(BodyWrench(body, place, pull, np.zeros((3, 1))))
         before = body, place, item
     return found
+
+
+_ALONG = {"joints": _along_joint, "tendons": _along_tendon}
+"""How what a kind couples is pushed along its position."""

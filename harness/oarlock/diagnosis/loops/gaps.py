@@ -102,9 +102,9 @@ def opening(model: mujoco.MjModel, equality: Equality, rows: np.ndarray, rates: 
     The rotation rows of a weld are τ sin(θ/2) of the angle θ, with the torque scale τ; their rates are ½τ θ̇ where the
     weld is closed.
     """
-    if equality.kind in ("connect", "weld"):
+    if equality.kind.joins_points:
         metres = float(np.linalg.norm(rows[:3]))
-        scale = float(model.eq_data[equality.index, 10]) if equality.kind == "weld" else 0.0
+        scale = equality.torque_scale(model)
         if scale <= 0.0:
             return Opening(equality.name, metres, None)
         sine = float(np.linalg.norm(rows[3:])) / scale

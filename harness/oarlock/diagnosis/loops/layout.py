@@ -6,12 +6,11 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.cases.equality_kinds import KNOWN, TURN, EqualityKind
 from oarlock.mechanics.names import Equality, equalities
 
 SINE = "τ·sin(θ/2)"
 """Unit of a weld's rotation rows: torquescale τ, angle θ."""
-
-_AXES = "xyz"
 
 
 @dataclass(frozen=True)
@@ -25,14 +24,14 @@ class Row:
     """
 
     equality: str
-    kind: str
+    kind: EqualityKind
     label: str
     unit: str
 
     @property
     def turns(self) -> bool:
         """Whether it is a rotation row of a weld."""
-        return self.label.startswith(_TURN)
+        return self.label.startswith(TURN)
 
     @property
     def measure(self) -> str:
@@ -43,15 +42,13 @@ class Row:
         return f"{self.equality} {self.label}".strip()
 
 
-_TURN = "turn "
-
-
 def _rows(equality: Equality) -> list[Row]:
-    if equality.kind not in ("connect", "weld"):
-        return [Row(equality.name, equality.kind, "", equality.unit)]
-    points = [Row(equality.name, equality.kind, axis, "m") for axis in _AXES]
-    turns = [Row(equality.name, equality.kind, f"{_TURN}{axis}", "rad") for axis in _AXES]
-    return [*points, *turns] if equality.kind == "weld" else points
+    def unit(label: str) -> str:
+        if not equality.kind.joins_points:
+            return equality.unit
+        return "rad" if label.startswith(TURN) else "m"
+
+    return [Row(equality.name, equality.kind, label, unit(label)) for label in equality.kind.labels or ()]
 
 
 @dataclass(frozen=True)
@@ -76,7 +73,7 @@ class Layout:
     def of(cls, model: mujoco.MjModel, active: np.ndarray | None = None) -> "Layout":
         """Of the equalities that are active (neq), or that the model starts with."""
         active = model.eq_active0 if active is None else active
-        chosen = tuple(equality for equality in equalities(model) if equality.rows and active[equality.index])
+        chosen = tuple(equality for equality in equalities(model) if equality.kind.known and active[equality.index])
         counts = [equality.rows for equality in chosen]
         starts = tuple(np.concatenate([[0], np.cumsum(counts)])[:-1].astype(int).tolist())
         owner = np.repeat(np.arange(len(chosen)), counts)
@@ -114,8 +111,8 @@ class Layout:
         for row, index in enumerate(owners.tolist()):
             if index not in first:
                 raise InputError(
-                    f"equality number {index} has rows of its own only now, expected connect, weld, joint or tendon "
-                    "equalities that are active from the start"
+                    f"equality number {index} has rows of its own only now, "
+                    f"expected {KNOWN} equalities that are active from the start"
                 )
             found[row] = first[index] + taken.get(index, 0)
             taken[index] = taken.get(index, 0) + 1

@@ -18,6 +18,7 @@ from oarlock.diagnosis.loops.rank import (
     spectrum,
     zero_rows,
 )
+from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality, element_name
 
 ORDERS = 24
@@ -274,12 +275,11 @@ def _rank_of_part(part: np.ndarray) -> int:
 def _loop(assembly: Assembly, one: int, path: Path, group: int, zero: np.ndarray, lost: int) -> Loop:
     model, equality = assembly.model, assembly.equalities[one]
     rows = assembly.rows[assembly.rows_of(one)]
-    if equality.kind in ("connect", "weld"):
+    if equality.kind.joins_points:
         ends = tuple(element_name(model, mujoco.mjtObj.mjOBJ_BODY, body) for body in equality.bodies)
     else:
-        kind = _JOINT if equality.kind == "joint" else mujoco.mjtObj.mjOBJ_TENDON
-        ids = int(model.eq_obj1id[equality.index]), int(model.eq_obj2id[equality.index])
-        ends = tuple(element_name(model, kind, index) for index in ids if index >= 0)
+        sort = coupled(equality.kind).object_type
+        ends = tuple(element_name(model, sort, index) for index in coupled_ids(model, equality.index))
     labels = tuple(row.label for row, none in zip(rows, zero[assembly.rows_of(one)], strict=True) if none)
     return Loop(equality, ends, tuple(rows), labels, path, group, removable=lost == 0, freed=lost)
 

@@ -6,6 +6,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality
 
 PARALLEL = 1e-5
@@ -24,7 +25,7 @@ class Path:
     Attributes:
         joints: on the way from one end to the other; of a coupling, those that it couples.
         dofs: theirs.
-        shape: ``planar``: hinges parallel, slides across them; ``spatial``; ``coupling``: a joint or tendon equality.
+        shape: ``planar``: hinges parallel, slides across them; ``spatial``; ``coupling``: of joints or tendons.
         normal: of the plane, world axes (3); None where there is none.
     """
 
@@ -36,13 +37,9 @@ class Path:
 
 def path_of(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> Path:
     """The joints that an equality closes to a loop; axes are those of the present pose."""
-    first, second = int(model.eq_obj1id[equality.index]), int(model.eq_obj2id[equality.index])
-    if equality.kind == "joint":
-        joints = [joint for joint in (first, second) if joint >= 0]
-        return Path(tuple(joints), tuple(int(model.jnt_dofadr[joint]) for joint in joints), "coupling", None)
-    if equality.kind == "tendon":
-        dofs = sorted({dof for tendon in (first, second) if tendon >= 0 for dof in _tendon_dofs(model, tendon)})
-        joints = sorted({int(model.dof_jntid[dof]) for dof in dofs})
+    if not equality.kind.joins_points:
+        dofs = coupled(equality.kind).dofs(model, coupled_ids(model, equality.index))
+        joints = dict.fromkeys(int(model.dof_jntid[dof]) for dof in dofs)
         return Path(tuple(joints), tuple(dofs), "coupling", None)
     above = [_to_world(model, body) for body in equality.bodies]
     bodies = sorted(set(above[0]) ^ set(above[1]))
@@ -55,11 +52,6 @@ def path_of(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> P
     ]
     normal = _common_normal(model, data, joints)
     return Path(tuple(map(int, joints)), tuple(map(int, dofs)), "spatial" if normal is None else "planar", normal)
-
-
-def _tendon_dofs(model: mujoco.MjModel, tendon: int) -> list[int]:
-    start = int(model.ten_J_rowadr[tendon])
-    return model.ten_J_colind[start : start + int(model.ten_J_rownnz[tendon])].tolist()
 
 
 def _to_world(model: mujoco.MjModel, body: int) -> list[int]:

@@ -237,7 +237,7 @@ def _equality_look(
     assembly: Assembly, loops: Loops, number: int, every: list[list[BodyWrench]], free: np.ndarray
 ) -> _Look:
     equality, loop, rows = assembly.equalities[number], loops.loops[number], assembly.rows_of(number)
-    if equality.kind not in ("connect", "weld"):
+    if not equality.kind.joins_points:
         coupled = bool(np.abs(free[rows]).max(initial=0.0) <= VANISHES)
         return _Look("equality", (equality.name,), (), None, None, _idle(loops.groups[loop.group]), coupled, ())
     wrench = every[number][0]
@@ -250,7 +250,7 @@ def _equality_look(
         (equality.name,),
         equality.bodies,
         _range(wrench.force @ free[rows]),
-        _range(wrench.torque @ free[rows]) if equality.kind == "weld" else None,
+        _range(wrench.torque @ free[rows]) if equality.kind.turns else None,
         (force, torque),
         None,
         _frames(assembly, equality.bodies),
@@ -263,7 +263,7 @@ def _pairs(assembly: Assembly, members: list[int]) -> list[list[int]]:
     def bodies(number: int) -> tuple[int, ...]:
         return tuple(sorted(assembly.equalities[number].bodies))
 
-    chosen = [one for one in members if assembly.equalities[one].kind in ("connect", "weld")]
+    chosen = [one for one in members if assembly.equalities[one].kind.joins_points]
     return [list(pair) for _, pair in groupby(sorted(chosen, key=bodies), key=bodies)]
 
 

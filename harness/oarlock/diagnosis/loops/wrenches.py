@@ -15,6 +15,7 @@ from oarlock.base.errors import InputError
 from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.forces import coupling_slope, quat_product, torque_map, turns
 from oarlock.diagnosis.loops.loops import Loops, loops_at, scales_along
+from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality
 
 _CHUNK = 1 << 21
@@ -98,9 +99,7 @@ def wrenches(
             assembly.place(qpos[first + at])
             stack[at] = scales[:, None] * assembly.whitened(assembly.jacobian())
             turned.read(first + at)
-            slopes[first + at] = [
-                0.0 if one.kind in ("connect", "weld") else coupling_slope(assembly, one) for one in assembly.equalities
-            ]
+            slopes[first + at] = [coupling_slope(assembly, one) for one in assembly.equalities]
         free.append(_free_part(assembly, loops, stack, scales, multipliers[first : first + size]))
     undetermined = np.concatenate(free) if free else np.zeros(expected)
     found = []
@@ -163,14 +162,14 @@ class _Turned:
 
 def _series(turned: _Turned, equality: Equality, multipliers: np.ndarray, slopes: np.ndarray) -> Series:
     model = turned.assembly.model
-    if equality.kind == "connect":
+    if equality.kind.joins_points and not equality.kind.turns:
         return Series(multipliers, None, None)
-    if equality.kind == "weld":
+    if equality.kind.turns:
         first, second = (
             quat_product(turned.quat(body), turn)
             for body, turn in zip(equality.bodies, turns(model, equality), strict=True)
         )
-        map_ = torque_map(first, second, float(model.eq_data[equality.index, 10]))
+        map_ = torque_map(first, second, equality.torque_scale(model))
         return Series(multipliers[:, :3], np.einsum("tij,tj->ti", map_, multipliers[:, 3:]), None)
     ends = [multipliers[:, 0]]
     if model.eq_obj2id[equality.index] >= 0:
@@ -179,10 +178,7 @@ def _series(turned: _Turned, equality: Equality, multipliers: np.ndarray, slopes
 
 
 def _units(model: mujoco.MjModel, equality: Equality) -> tuple[str, ...]:
-    if equality.kind in ("connect", "weld"):
+    if equality.kind.joins_points:
         return ()
-    ids = [int(model.eq_obj1id[equality.index]), int(model.eq_obj2id[equality.index])]
-    if equality.kind == "tendon":
-        return tuple("N" for index in ids if index >= 0)
-    slide = mujoco.mjtJoint.mjJNT_SLIDE
-    return tuple("N" if model.jnt_type[index] == slide else "N m" for index in ids if index >= 0)
+    effort = coupled(equality.kind).effort
+    return tuple(effort(model, index) for index in coupled_ids(model, equality.index))

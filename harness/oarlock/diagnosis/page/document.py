@@ -77,7 +77,7 @@ def _loops(exam: Examination) -> dict[str, Any] | None:
         "equalities": [
             {
                 "name": loop.name,
-                "kind": loop.equality.kind,
+                "kind": loop.equality.kind.name,
                 "between": loop.ends,
                 "rows": len(loop.rows),
                 "zero_rows": loop.zero_rows,

@@ -50,7 +50,7 @@ class Skeleton:
         self.model, self._data = model, mujoco.MjData(model)
         self._sources: list[tuple[str, int, int]] = []
         self._of: dict[tuple[str, int, int], int] = {}
-        self._closing = [one for one in equalities if one.kind in ("connect", "weld")]
+        self._closing = [one for one in equalities if one.kind.joins_points]
         self._equalities = {one.index: one for one in self._closing}
         mujoco.mj_kinematics(model, self._data)
         ends = {(one.index, end): self._point("anchor", one.index, end) for one in self._closing for end in (0, 1)}
@@ -66,7 +66,7 @@ class Skeleton:
         self.couplings = [
             (self._point("joint", first), self._point("joint", second))
             for one in equalities
-            if one.kind == "joint"
+            if one.kind.holds == "joints"
             and (first := int(model.eq_obj1id[one.index])) >= 0
             and (second := int(model.eq_obj2id[one.index])) >= 0
         ]
@@ -253,7 +253,7 @@ def _widest(exam: Examination, finite: np.ndarray) -> int:
     layout, position = exam.recording.layout, exam.recording.position
     wide = np.zeros(len(finite))
     for place, equality in enumerate(layout.equalities):
-        if equality.kind in ("connect", "weld"):
+        if equality.kind.joins_points:
             start = layout.starts[place]
             wide = np.maximum(wide, np.nan_to_num(np.linalg.norm(position[finite, start : start + 3], axis=1)))
     return int(finite[wide.argmax()])

@@ -65,10 +65,10 @@ def gaps(run: Recording | ExactRun, model_of: Recording, place: int) -> dict[str
     """How far an equality stands open at each step, by unit, as ``gaps.opening`` has it."""
     layout: Layout = run.layout
     equality, own = layout.equalities[place], run.position[:, layout.of_equality(place)]
-    if equality.kind not in ("connect", "weld"):
+    if not equality.kind.joins_points:
         return {equality.unit: np.abs(own).max(axis=1, initial=0.0)}
     found = {"m": np.linalg.norm(own[:, :3], axis=1)}
-    scale = float(model_of.model.eq_data[equality.index, 10]) if equality.kind == "weld" else 0.0
+    scale = equality.torque_scale(model_of.model)
     if scale > 0.0:
         found["rad"] = 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(own[:, 3:], axis=1) / scale))
     return found

@@ -429,6 +429,6 @@ class _Search:
                 if self._floored
                 else f"smaller timesteps help, and no more than {CORRECTIONS} one after another are tried"
             )
-        if worst.row.kind in ("joint", "tendon") and self._bends(worst.row):
+        if worst.row.kind.leaves_curvature_out and self._bends(worst.row):
             said.append(f"MuJoCo leaves J̇v out on rows of a {worst.row.kind} equality, and no softness makes up for it")
         return "; ".join(said)

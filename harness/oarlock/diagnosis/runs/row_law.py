@@ -175,8 +175,8 @@ def attribute(recording: Recording) -> Attribution:
 
 def curvature_missing(recording: Recording) -> np.ndarray:
     """The m of the row law, (steps, rows): J̇v on the rows where MuJoCo leaves it out of its reference acceleration."""
-    left_out = [recording.layout.equalities[owner].kind in ("joint", "tendon") for owner in recording.layout.owner]
-    return np.where(left_out, recording.curvature, 0.0)
+    kinds = [recording.layout.equalities[owner].kind for owner in recording.layout.owner]
+    return np.where([kind.leaves_curvature_out for kind in kinds], recording.curvature, 0.0)
 
 
 def _solver_residue(recording: Recording) -> np.ndarray:

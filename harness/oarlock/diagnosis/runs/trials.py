@@ -12,6 +12,7 @@ from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, integrator_name, other_power, own_copy, walk
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.names import equalities
 from oarlock.mechanics.prepare import INTEGRATORS
 from oarlock.stepping.closing import close
 from oarlock.stepping.projection import Projector
@@ -65,7 +66,7 @@ class Setting:
         model.opt.timestep = self.timestep_s
         if self.integrator in INTEGRATORS:
             model.opt.integrator = INTEGRATORS[self.integrator]
-        ours = np.isin(model.eq_type, [int(kind) for kind in EQUALITIES.values()])
+        ours = [equality.index for equality in equalities(model) if equality.kind.known]
         if self.solref is not None:
             model.eq_solref[ours] = self.solref
         if self.solimp is not None:
@@ -88,15 +89,6 @@ class Setting:
             lines.append(f"<default>{_element('equality', attributes)}</default>")
             lines.append("<!-- an equality with a class, solref or solimp of its own needs these attributes itself -->")
         return "\n".join(lines)
-
-
-EQUALITIES = {
-    "connect": mujoco.mjtEq.mjEQ_CONNECT,
-    "weld": mujoco.mjtEq.mjEQ_WELD,
-    "joint": mujoco.mjtEq.mjEQ_JOINT,
-    "tendon": mujoco.mjtEq.mjEQ_TENDON,
-}
-"""MJCF elements of the equalities that settings are for."""
 
 
 def _element(tag: str, attributes: dict[str, str]) -> str:

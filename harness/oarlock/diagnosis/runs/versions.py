@@ -13,7 +13,7 @@ def without_curvature(recording: Recording) -> np.ndarray:
     which a drift of this size would change in turn.
     """
     h, layout = recording.timestep_s, recording.layout
-    ours = np.array([layout.equalities[owner].kind in ("connect", "weld") for owner in layout.owner], dtype=bool)
+    ours = np.array([layout.equalities[owner].kind.mujoco_knows_curvature for owner in layout.owner], dtype=bool)
     found = np.zeros_like(recording.position)
     if not ours.any() or recording.steps < 2:
         return found

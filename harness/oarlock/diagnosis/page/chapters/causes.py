@@ -34,7 +34,7 @@ def causes(exam: Examination) -> Chapter:
         "what its solver left. Start: an open start. Time stepping: what the integrator did otherwise than the "
         f"oscillator, with controls held over a step. The law holds to {figure(exam.attribution.defect)} here."
     )
-    if any(one.kind == "weld" for one in exam.attribution.recording.layout.equalities):
+    if any(one.kind.turns for one in exam.attribution.recording.layout.equalities):
         chapter.explain(SINE_NOTE)
     chapter.table(
         "causes",

@@ -59,7 +59,7 @@ def _short(at: Loops) -> Table:
     rows = [
         (
             loop.name,
-            loop.equality.kind,
+            loop.equality.kind.name,
             " – ".join(loop.ends),
             loop.path.shape,
             str(len(loop.rows)),
@@ -82,7 +82,7 @@ def _loop_row(at: Loops, loop: Loop, removable: bool, verdict: str | None) -> tu
     ]
     return (
         loop.name,
-        loop.equality.kind,
+        loop.equality.kind.name,
         " – ".join(loop.ends),
         str(loop.equality.rows),
         loop.path.shape,
