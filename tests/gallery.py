@@ -13,7 +13,7 @@ from oarlock.diagnosis.examination import begin, examine
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.runs.controls import written_out
 from oarlock.mechanics.load import load_model
-from oarlock.mechanics.prepare import INTEGRATORS
+from oarlock.mechanics.prepare import set_integrator
 from oarlock.stepping.start import ConsistentStart, consistent_start
 
 
@@ -37,7 +37,8 @@ def piece(name: str, integrator: Any = "euler", timestep_s: float = 1e-3) -> Pie
     """One of the gallery, by the name of its folder."""
     case = load_case(name)
     model = load_model(case.model_path, case.parameters)
-    model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], timestep_s
+    set_integrator(model, integrator)
+    model.opt.timestep = timestep_s
     return Piece(model, *_start(name), written_out(case.file.drive))
 
 

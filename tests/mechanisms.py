@@ -12,11 +12,12 @@ import polars as pl
 from oarlock.cases.case import MODELS, Case, load_case
 from oarlock.cases.case_file import CaseFile
 from oarlock.cases.conditions import Conditions
+from oarlock.cases.integrators import RUNNING
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.outcome import Results
 from oarlock.stepping.prepared import PreparedCase
 
-INTEGRATORS = ["euler", "implicit", "implicitfast", "rk4"]
+INTEGRATORS = list(RUNNING)
 
 COMMAND = Path(sys.executable).with_name("oarlock")
 """The installed command."""

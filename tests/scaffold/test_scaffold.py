@@ -225,6 +225,14 @@ def test_timestep_follows_the_motion(tmp_path, monkeypatch, speed, halvings):
     assert [change <= survey.AGREES for change in changes] == ([False, True] if halvings else [True, True])
 
 
+def test_integrator_that_no_case_can_ask_for_is_named_in_a_comment(tmp_path, monkeypatch):
+    monkeypatch.setattr(survey, "STEPS", 20)
+    path = write_model(tmp_path / "m", four_bar().replace("<option", '<option integrator="discrete"'))
+    folder, _ = new_model("bar", path, tmp_path)
+    assert 'integrator = "rk4" # the model\'s own is discrete' in (folder / "case.toml").read_text(encoding="utf-8")
+    assert load_case(folder).file.run.integrator == "rk4"
+
+
 FLAIL = '<body pos="0 0 0.1"><joint name="flail"/><geom fromto="0 0 0 0 0 -0.4" size="0.03"/></body>'
 THROWN = '<keyframe><key name="start" qvel="0 0 25 0"/></keyframe>'
 

@@ -17,6 +17,7 @@ from oarlock.base.errors import InputError, one_line
 from oarlock.batch import digest
 from oarlock.cases.case import Case, load_case
 from oarlock.cases.conditions import Conditions
+from oarlock.cases.integrators import INTEGRATORS
 from oarlock.cases.point import OWN, TIMESTEP, Point
 from oarlock.experiments.description import describe
 from oarlock.experiments.laboratory import Laboratory
@@ -129,7 +130,7 @@ def _mark(inputs: str, task: Task, runs: tuple[str, ...], first: bool) -> str:
 def _cost(case: Case, walk: Walk, timestep_s: float | None) -> float:
     """Steps × questions a step, dearer for larger mechanisms. Seconds, very roughly."""
     steps = case.file.run.duration_s / (timestep_s or case.file.run.timestep_s or 1e-3)
-    stages = 4 if walk.task.integrator == "rk4" else 1
+    stages = INTEGRATORS[walk.task.integrator].stages
     solved = any(solver.name != MUJOCO for solver, _ in walk.answers)
     questions = stages + (1 + len(walk.answers) if solved else 0)
     try:

@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from oarlock.base.core import TimeLaw
 from oarlock.base.errors import InputError, choose, one_line
 from oarlock.base.options import Number
+from oarlock.cases.integrators import IntegratorName
 
-Integrator = Literal["euler", "implicit", "implicitfast", "rk4"]
 Form = Literal["matched", "hard"]
 ModeName = Literal["calibration", "lockstep", "one-step", "free"]
 Stabilisation = Literal["baumgarte", "projection", "both"]
@@ -43,7 +43,7 @@ class RunDefaults(_Table):
 
     duration_s: Positive = 10.0
     timestep_s: Positive | None = None  # None: the model's own
-    integrator: Integrator = "rk4"
+    integrator: IntegratorName = "rk4"
     stabilisation: Stabilisation = "baumgarte"
     ignore_inequalities: Annotated[bool, Field(strict=True)] = False
 
@@ -262,7 +262,7 @@ class Experiment(_Table):
     walker: str = "mujoco"
     forms: list[Form] = ["hard"]
     solvers: list[str] = ["pinv"]
-    integrators: list[Integrator] | None = None  # None: the case's
+    integrators: list[IntegratorName] | None = None  # None: the case's
     stabilisation: Stabilisation | None = None  # None: the case's
     settings: list[str] = ["default"]
 
@@ -326,7 +326,7 @@ class Sweep(_Table):
     """Free runs at several timesteps besides the case's own, for work against precision in the suite's summary."""
 
     timesteps_s: Annotated[list[Positive], Field(min_length=2)]
-    integrators: list[Integrator] = ["euler", "rk4"]
+    integrators: list[IntegratorName] = ["euler", "rk4"]
     solvers: list[str] = ["cholesky", "sr1-tracked"]
     settings: list[str] = ["default", "stiff"]  # of MuJoCo
 

@@ -9,7 +9,8 @@ from rich.table import Table
 from oarlock.base.errors import InputError
 from oarlock.base.numbers import short
 from oarlock.cases.case import load_case
-from oarlock.cases.case_file import Integrator, Stabilisation
+from oarlock.cases.case_file import Stabilisation
+from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
 from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, one_of, say
 from oarlock.experiments import session
@@ -39,7 +40,7 @@ def run(
     form: Annotated[str | None, typer.Option(help=one_of(FORMS))] = None,
     mode: Annotated[str | None, typer.Option(help=one_of(ASKED))] = None,
     walker: Annotated[str | None, typer.Option(help="Who walks in lockstep: mujoco or a solver.")] = None,
-    integrator: Annotated[str | None, typer.Option(help=one_of(get_args(Integrator)))] = None,
+    integrator: Annotated[str | None, typer.Option(help=one_of(RUNNING))] = None,
     stabilisation: Annotated[
         str | None, typer.Option(help=f"What holds exact constraints: {one_of(get_args(Stabilisation))}")
     ] = None,

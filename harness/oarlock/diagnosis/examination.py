@@ -10,6 +10,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.case import load_case
+from oarlock.cases.integrators import RUNNING
 from oarlock.diagnosis.loops.events import RankHistory, rank_events
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
@@ -25,7 +26,7 @@ from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
-from oarlock.mechanics.prepare import INTEGRATORS, load_mechanism
+from oarlock.mechanics.prepare import load_mechanism, set_integrator
 from oarlock.stepping.start import consistent_start
 
 DURATION_S = 2.0
@@ -118,7 +119,7 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
     found = _of_file(path, options) if path.is_file() else _of_case(model_or_file, options)
     model = found.model
     if options.integrator:
-        model.opt.integrator = INTEGRATORS[choose("integrator", options.integrator, list(INTEGRATORS))]
+        set_integrator(model, choose("integrator", options.integrator, RUNNING))
     model.opt.timestep = options.timestep or model.opt.timestep
     found.steps = _steps(model, options, found.own_s)
     if options.ignore_inequalities:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from oarlock.base.errors import InputError, choose
-from oarlock.cases.case_file import Integrator
+from oarlock.cases.integrators import RUNNING
 
 Controls = Literal["keyframe", "constant", "random"]
 """Where the controls of a run come from."""
@@ -58,6 +58,6 @@ class CheckOptions:
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise InputError(f"--{what} = {value:g}, expected a finite number > 0")
         if self.integrator is not None:
-            choose("integrator", self.integrator, get_args(Integrator))
+            choose("integrator", self.integrator, RUNNING)
         if self.controls is not None:
             choose("kind of controls", self.controls, get_args(Controls))

@@ -12,8 +12,9 @@ import polars as pl
 from oarlock.base.core import MultiplierSolver
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Baumgarte, Integrator
+from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.conditions import OWN, Conditions
+from oarlock.cases.integrators import IntegratorName
 from oarlock.cases.truth import load_truth
 from oarlock.experiments.modes import MODES
 from oarlock.experiments.task import Task, Walk
@@ -65,9 +66,9 @@ class Laboratory:
         # It knows the case's own start only.
         self._truth = load_truth(case) if conditions.seed is None else None
         self._stepping = stepping
-        self._setups: dict[tuple[Integrator, str], PreparedCase] = {}
+        self._setups: dict[tuple[IntegratorName, str], PreparedCase] = {}
 
-    def setup(self, integrator: Integrator, settings: str = "default") -> PreparedCase:
+    def setup(self, integrator: IntegratorName, settings: str = "default") -> PreparedCase:
         """The case, prepared."""
         return PreparedCase(self.case, self._truth, integrator, settings, self.conditions)
 
@@ -119,7 +120,7 @@ class Laboratory:
         keys = walk.keys(self.case.name, setup.timestep_s, setup.steps, path.name)
         return [_result(key, steps, message) for key, steps in zip(keys, tables, strict=True)]
 
-    def _shared(self, integrator: Integrator, settings: str) -> PreparedCase:
+    def _shared(self, integrator: IntegratorName, settings: str) -> PreparedCase:
         """A setup for all walks that ask for the same: they leave it as it is."""
         if (integrator, settings) not in self._setups:
             self._setups[integrator, settings] = self.setup(integrator, settings)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from oarlock.base.errors import InputError, choose
-from oarlock.cases.case_file import Form, Integrator, Stabilisation
+from oarlock.cases.case_file import Form, Stabilisation
 from oarlock.cases.conditions import Conditions
+from oarlock.cases.integrators import RUNNING
 from oarlock.experiments.modes import ASKED
 from oarlock.stepping.solvers import SolverSpec
 
@@ -64,7 +65,7 @@ class RunOptions:
         choices = (
             ("mode", self.mode, list(ASKED)),
             ("form", self.form, list(FORMS)),
-            ("integrator", self.integrator, get_args(Integrator)),
+            ("integrator", self.integrator, RUNNING),
             ("stabilisation", self.stabilisation, get_args(Stabilisation)),
             ("stepping", self.stepping, get_args(Stepping)),
         )

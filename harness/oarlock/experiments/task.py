@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, replace
 
-from oarlock.cases.case_file import Form, Integrator, ModeName, Stabilisation
+from oarlock.cases.case_file import Form, ModeName, Stabilisation
+from oarlock.cases.integrators import IntegratorName
 from oarlock.experiments.modes import MODES, Answer
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.schema import RunKey
@@ -16,7 +17,7 @@ class Task:
     walker: SolverSpec
     forms: tuple[Form, ...]
     solvers: tuple[SolverSpec, ...]
-    integrator: Integrator
+    integrator: IntegratorName
     settings: str
     stabilisation: Stabilisation = "baumgarte"
 

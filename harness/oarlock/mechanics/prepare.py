@@ -7,15 +7,11 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Integrator, Settings
+from oarlock.cases.case_file import Settings
+from oarlock.cases.integrators import INTEGRATORS, Integrator, IntegratorName
 from oarlock.mechanics.load import load_model
 
-INTEGRATORS: dict[Integrator, int] = {
-    "euler": mujoco.mjtIntegrator.mjINT_EULER,
-    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
-    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    "rk4": mujoco.mjtIntegrator.mjINT_RK4,
-}
+_NUMBERS = {name: int(getattr(mujoco.mjtIntegrator, one.mjt)) for name, one in INTEGRATORS.items()}
 
 
 SOLVERS = {
@@ -25,10 +21,21 @@ SOLVERS = {
 }
 
 
+def integrator_of(model: mujoco.MjModel) -> Integrator:
+    """The integrator that a model asks for."""
+    number = int(model.opt.integrator)
+    return next(INTEGRATORS[name] for name, known in _NUMBERS.items() if known == number)
+
+
+def set_integrator(model: mujoco.MjModel, name: str) -> None:
+    """Sets a model's integrator, in place, by the name of one that is known."""
+    model.opt.integrator = _NUMBERS[name]
+
+
 def prepare(
     model: mujoco.MjModel,
     *,
-    integrator: Integrator,
+    integrator: IntegratorName,
     timestep_s: float | None = None,
     settings: Settings | None = None,
 ) -> mujoco.MjModel:
@@ -41,7 +48,7 @@ def prepare(
         InputError: the timestep is not a positive number.
     """
     settings = settings or Settings()
-    model.opt.integrator = INTEGRATORS[integrator]
+    set_integrator(model, integrator)
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if timestep_s is not None:
@@ -71,7 +78,7 @@ def unsolved(model: mujoco.MjModel) -> mujoco.MjModel:
 def load_mechanism(
     case: Case,
     *,
-    integrator: Integrator,
+    integrator: IntegratorName,
     timestep_s: float | None = None,
     settings: str = "default",
     solref_s: float | None = None,

@@ -6,6 +6,7 @@ from typing import Any
 import altair as alt
 import polars as pl
 
+from oarlock.cases.integrators import INTEGRATORS
 from oarlock.render.charts import colour, log_scale
 
 SOLVERS = {"sr1": "sr1", "sr1-tracked": "sr1-tracked", "MuJoCo CG": "cg", "MuJoCo PGS": "pgs"}
@@ -17,7 +18,6 @@ FLOOR = 0.01
 """Lower bound of drawn iterations, because zero has no logarithm."""
 
 WIDTH = 560
-_STAGES = {"rk4": 4}
 
 
 def _significant(rows: list[dict[str, Any]]) -> pl.DataFrame:
@@ -111,6 +111,6 @@ def work(cases: dict[str, list[dict[str, Any]]], against: str) -> alt.TopLevelMi
 def _work(run: dict[str, Any], against: str) -> float | None:
     """Computes the solves, or the microseconds, that a simulated second takes."""
     if against == "solves":
-        return _STAGES.get(run["integrator"], 1) / run["timestep_s"]
+        return INTEGRATORS[run["integrator"]].stages / run["timestep_s"]
     step_us = run["step_us_median"]
     return None if step_us is None or not math.isfinite(step_us) else step_us / run["timestep_s"]

@@ -13,12 +13,13 @@ import numpy as np
 
 from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, Integrator, RunDefaults, Start
+from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, RunDefaults, Start
 from oarlock.cases.conditions import Conditions
+from oarlock.cases.integrators import INTEGRATORS, IntegratorName
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.names import element_name
-from oarlock.mechanics.prepare import INTEGRATORS, prepare
+from oarlock.mechanics.prepare import integrator_of, prepare
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
@@ -62,7 +63,7 @@ class Survey:
     """
 
     model: mujoco.MjModel
-    integrator: Integrator
+    integrator: IntegratorName
     ignoring: bool
     start: ConsistentStart
     origin: str
@@ -80,9 +81,9 @@ class Survey:
         return Baumgarte(beta=beta, k=beta * beta)
 
     @property
-    def own_integrator(self) -> Integrator:
+    def own_integrator(self) -> str:
         """The one that the model asks for."""
-        return next(name for name, value in INTEGRATORS.items() if value == self.model.opt.integrator)
+        return integrator_of(self.model).name
 
     @property
     def own_timestep(self) -> bool:
@@ -103,7 +104,7 @@ def survey(name: str, path: Path, *, ignoring: bool) -> Survey:
         InputError: the model cannot be loaded, or no start of it can be closed.
     """
     model = load_model(path)
-    integrator: Integrator = "implicitfast" if model.na else "rk4"
+    integrator: IntegratorName = "implicitfast" if model.na else "rk4"
     key, written, start = _best_start(name, path, model)
     found = Survey(model, integrator, ignoring, start, _origin(model, key), written, _controls(model, key))
     _choose_timestep(found, lambda timestep: _draft(name, path, found, timestep))
@@ -214,7 +215,7 @@ def _choose_timestep(found: Survey, draft: Callable[[float], Case]) -> None:
     own = float(found.model.opt.timestep)
     span = f"over {PROBE_STEPS * own:.3g} s"
     halving = f"halving it changes the exact {found.integrator} run by"
-    halvings = HALVINGS if found.integrator == "rk4" else 0
+    halvings = HALVINGS if INTEGRATORS[found.integrator].order > 1 else 0
     changes: list[float] = []
     path = _exact_run(draft(own), PROBE_STEPS)
     for index in range(halvings + 1):

@@ -7,8 +7,8 @@ import polars as pl
 from oarlock.base.arrays import largest
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Integrator
 from oarlock.cases.conditions import OWN, Conditions
+from oarlock.cases.integrators import IntegratorName
 from oarlock.cases.truth import TruthTrajectory
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.energy import Energy
@@ -136,7 +136,7 @@ class PreparedCase(Prepared):
         self,
         case: Case,
         truth: TruthTrajectory | None,
-        integrator: Integrator,
+        integrator: IntegratorName,
         settings: str,
         conditions: Conditions = OWN,
     ):

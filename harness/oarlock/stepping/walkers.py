@@ -5,6 +5,8 @@
 """
 
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 import mujoco
@@ -13,10 +15,8 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.base.vectors import Vector, cross, dot, plus, scaled
 from oarlock.mechanics.drive import Drive
+from oarlock.mechanics.prepare import integrator_of
 from oarlock.stepping.projection import Projector
-
-_RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
-_EULER = int(mujoco.mjtIntegrator.mjINT_EULER)
 
 _SMALL_ANGLE = 1e-4
 """rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding."""
@@ -59,25 +59,27 @@ class Walker(Protocol):
         ...
 
 
+def _function(model: mujoco.MjModel) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:
+    """MuJoCo's own function that takes the model's step from a state with all its forces."""
+    integrator = integrator_of(model)
+    function = getattr(mujoco, integrator.function)
+    return function if integrator.stages == 1 else partial(function, N=integrator.stages)
+
+
 class MujocoWalker:
     """MuJoCo's own step. Run it inside ``drive.installed()``: RK4 asks for controls at its stages."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
         self.model, self.data = model, data
+        self._function = _function(model)
 
     def look(self) -> None:
         """mj_forward: everything that mj_step would compute first."""
         mujoco.mj_forward(self.model, self.data)
 
     def step(self) -> None:
-        """The second half of mj_step: the integrator on its own."""
-        integrator = self.model.opt.integrator
-        if integrator == _RK4:
-            mujoco.mj_RungeKutta(self.model, self.data, 4)
-        elif integrator == _EULER:
-            mujoco.mj_Euler(self.model, self.data)
-        else:
-            mujoco.mj_implicit(self.model, self.data)
+        """The second half of mj_step, the integrator on its own; all of it where there is no such half."""
+        self._function(self.model, self.data)
 
     def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
         """What mj_forward left, in its own arrays."""
@@ -93,7 +95,7 @@ class ForcedWalker:
     """MuJoCo's smooth dynamics and integrators with the force of a ``ForceLaw``; a projector ends every step.
 
     Raises:
-        InputError: the model has actuator activations and is to be integrated by RK4.
+        InputError: the model has actuator activations, and its integrator takes none.
     """
 
     def __init__(
@@ -104,12 +106,15 @@ class ForcedWalker:
         force: ForceLaw,
         projector: Projector | None = None,
     ):
-        if model.na and model.opt.integrator == _RK4:
+        integrator = integrator_of(model)
+        if model.na and not integrator.takes_activations:
             raise InputError(
-                f"the model has {model.na} actuator activation(s), expected none with rk4: use euler or implicitfast"
+                f"the model has {model.na} actuator activation(s), expected none with {integrator}: "
+                "use euler or implicitfast"
             )
         self.model, self.data = model, data
         self._drive, self._force, self._projector = drive, force, projector
+        self._staged, self._function = integrator.stages > 1, _function(model)
         self._turns = _turns(model)
         self._qpos, self._qvel = np.zeros(model.nq), np.zeros(model.nv)
         self._velocities, self._accelerations = np.zeros((4, model.nv)), np.zeros((4, model.nv))
@@ -124,23 +129,15 @@ class ForcedWalker:
 
         A projection may move the state about as far as the step itself did; more is refused, and noted in its status.
         """
+        integrate = self._runge_kutta if self._staged else partial(self._function, self.model, self.data)
         if self._projector is None:
-            self._integrate()
+            integrate()
             return
         fastest = np.abs(self.data.qvel).max()
-        self._integrate()
+        integrate()
         if is_finite(self.data):
             fastest = max(fastest, np.abs(self.data.qvel).max())
             self._projector.project(self.data, trust=self.model.opt.timestep * float(fastest))
-
-    def _integrate(self) -> None:
-        integrator = self.model.opt.integrator
-        if integrator == _RK4:
-            self._runge_kutta()
-        elif integrator == _EULER:
-            mujoco.mj_Euler(self.model, self.data)
-        else:
-            mujoco.mj_implicit(self.model, self.data)
 
     def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
         """What MuJoCo's solver says here; our own force is put back afterwards."""

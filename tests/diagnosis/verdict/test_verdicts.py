@@ -15,7 +15,6 @@ from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.findings import Finding, found
 from oarlock.diagnosis.verdict.verdicts import judge
-from oarlock.mechanics.prepare import INTEGRATORS
 from places import FIXTURES
 
 CHECK = FIXTURES / "check"
@@ -245,7 +244,7 @@ def test_implicit_damping_opens_a_gripper():
     explicit = examined(
         CHECK / "damped_gripper.xml",
         CheckOptions(budget=0),
-        integrator=INTEGRATORS["euler"],
+        integrator=int(mujoco.mjtIntegrator.mjINT_EULER),
         disableflags=int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP),
     )
     assert "D4" not in codes(judge(explicit))

@@ -11,11 +11,12 @@ import polars as pl
 
 from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case_file import Baumgarte
+from oarlock.cases.integrators import SUBSTITUTE
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.controls import drive
-from oarlock.diagnosis.runs.walking import End, integrator_name, own_copy
+from oarlock.diagnosis.runs.walking import End, own_copy
 from oarlock.mechanics.curvature import Curvature
-from oarlock.mechanics.prepare import INTEGRATORS
+from oarlock.mechanics.prepare import integrator_of, set_integrator
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import Prepared
@@ -73,12 +74,12 @@ def record_exact(
     """
     own = own_copy(model)
     own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    asked, note = integrator_name(model), ""
-    if asked == "discrete":
-        own.opt.integrator, note = INTEGRATORS["implicitfast"], "implicitfast in place of discrete"
-    elif asked == "rk4" and model.na:
-        own.opt.integrator = INTEGRATORS["implicitfast"]
-        note = f"implicitfast in place of rk4, for the model has {model.na} actuator activation(s)"
+    asked, note = integrator_of(model), ""
+    stuck = model.na and not asked.takes_activations
+    if stuck or not asked.runs:
+        set_integrator(own, SUBSTITUTE.name)
+        note = f"{SUBSTITUTE} in place of {asked}"
+        note += f", for the model has {model.na} actuator activation(s)" if stuck else ""
     data = mujoco.MjData(own)
     data.qpos[:], data.qvel[:] = qpos, qvel
     layout = Layout.of(own, data.eq_active)
@@ -91,7 +92,7 @@ def record_exact(
     rows = _Rows(own, layout, steps)
     for chunk in table.chunks(_FIGURES):
         rows.take(chunk)
-    return rows.run(integrator_name(own), note, _end(ending, prepared))
+    return rows.run(integrator_of(own).name, note, _end(ending, prepared))
 
 
 class _Rows:

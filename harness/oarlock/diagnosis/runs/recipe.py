@@ -19,9 +19,9 @@ from oarlock.diagnosis.loops.layout import Layout, Row
 from oarlock.diagnosis.options import BUDGET_S
 from oarlock.diagnosis.runs.budget import Budget, CutShortError
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_trial
-from oarlock.diagnosis.runs.walking import integrator_name
 from oarlock.mechanics.curvature import bends
 from oarlock.mechanics.names import equalities
+from oarlock.mechanics.prepare import integrator_of
 
 STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """MuJoCo's smallest softness, the same at every deviation."""
@@ -204,7 +204,7 @@ class _Search:
         if authored.opening > self._target:
             reason = f"the start itself is open by {authored.opening:.2g}, more than the target: close it first"
             return "not-reached", reason, authored
-        best = self._best(integrator_name(self._model), float(self._model.opt.timestep)) or authored
+        best = self._best(integrator_of(self._model).name, float(self._model.opt.timestep)) or authored
         verified = self._verify(best, starts) if best.drift <= self._target else []
         for _ in range(CORRECTIONS):
             worst = max((trial.drift for trial in verified), default=0.0)
@@ -271,7 +271,7 @@ class _Search:
     def _cheapest(self, trials: list[Trial]) -> Trial | None:
         held = [trial for trial in trials if trial.drift <= self._target]
         if held:
-            least, own = min(trial.evaluations for trial in held), integrator_name(self._model)
+            least, own = min(trial.evaluations for trial in held), integrator_of(self._model).name
             alike = [trial for trial in held if trial.evaluations <= ALIKE * least]
             return min(alike, key=lambda trial: (trial.setting.integrator != own, trial.drift))
         return min(trials, key=lambda trial: trial.drift, default=None)

@@ -11,13 +11,13 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.walking import (
     End,
     diverged,
     energy_error,
-    integrator_name,
     other_power,
     own_copy,
     walk,
@@ -26,6 +26,7 @@ from oarlock.diagnosis.runs.walking import (
 from oarlock.mechanics.curvature import Curvature
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
 
 BLOCK_BYTES = 32_000_000
@@ -92,6 +93,11 @@ class Recording:
     others: np.ndarray
     warnings: dict[str, int]
     end: End
+
+    @property
+    def holds_force(self) -> bool:
+        """Whether a step takes the constraint force as it was at its start."""
+        return INTEGRATORS[self.integrator].holds_force
 
     @property
     def steps(self) -> int:
@@ -226,7 +232,7 @@ class _Recorder:
         return Recording(
             model=model,
             layout=self._layout,
-            integrator=integrator_name(model),
+            integrator=integrator_of(model).name,
             timestep_s=float(model.opt.timestep),
             time=self._time[:taken],
             qpos=self._coordinates[:taken],

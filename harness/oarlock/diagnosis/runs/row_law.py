@@ -248,7 +248,7 @@ def _propagate(recording: Recording, inputs: np.ndarray) -> tuple[np.ndarray, np
     lasting = recording.present[1:] & recording.present[:-1]
     forced = np.square(h) * inputs.transpose(1, 0, 2)
     forcing = gains.transpose(0, 2, 1)[:-1, :, None, :] * forced[:-1, None]
-    if recording.integrator == "rk4":
+    if not recording.holds_force:
         growth = np.where(lasting[:, None], forced[1:] - forced[:-1], 0.0)
         forcing += slopes.transpose(0, 2, 1)[:-1, :, None, :] * growth[:, None]
     maps = maps.transpose(0, 2, 3, 1)
@@ -272,10 +272,10 @@ def _work(recording: Recording) -> np.ndarray:
     h, force, velocity = recording.timestep_s, recording.force, recording.velocity
     power = np.zeros_like(force)
     if recording.steps > 1:
-        if recording.integrator == "rk4":
-            power[1:] = 0.5 * (force[1:] * velocity[1:] + force[:-1] * velocity[:-1])
-        else:  # the force is held, and what it changes in ½ v·M v is its product with the mean velocity
+        if recording.holds_force:  # what it changes in ½ v·M v is its product with the mean velocity
             power[1:] = force[:-1] * 0.5 * (velocity[1:] + velocity[:-1])
+        else:
+            power[1:] = 0.5 * (force[1:] * velocity[1:] + force[:-1] * velocity[:-1])
     places = len(recording.layout.equalities)
     by_equality = [power[:, recording.layout.of_equality(place)].sum(axis=1) for place in range(places)]
     return h * np.cumsum(np.stack(by_equality, axis=1), axis=0)

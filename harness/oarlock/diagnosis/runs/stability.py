@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout
-from oarlock.diagnosis.runs.walking import integrator_name
+from oarlock.mechanics.prepare import integrator_of
 
 MIN_IMPEDANCE, MAX_IMPEDANCE = 1e-4, 0.9999
 """MuJoCo's bounds of solimp's impedances and midpoint (mjMINIMP, mjMAXIMP)."""
@@ -132,11 +133,11 @@ def growth(spring: float, damping: float, timestep_s: float, integrator: str) ->
     scaled, damper = timestep_s**2 * spring, timestep_s * damping
     if not np.isfinite(scaled + damper):
         return float("inf")
-    if integrator == "rk4":
-        z = np.roots([1.0, damper, scaled])
-        factors = 1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0
-    else:
+    if INTEGRATORS[integrator].holds_force:
         factors = np.roots([1.0, scaled + damper - 2.0, 1.0 - damper])
+    else:
+        z = np.roots([1.0, damper, scaled])
+        factors = np.sum([z**power / divisor for power, divisor in enumerate(INTEGRATORS[integrator].divisors)], axis=0)
     return float(np.abs(factors).max())
 
 
@@ -147,7 +148,7 @@ def refsafe(model: mujoco.MjModel) -> bool:
 
 def stability(model: mujoco.MjModel) -> list[EqualityStability]:
     """Of every equality that is active at the start, at the model's own timestep and integrator."""
-    timestep, integrator, safe = float(model.opt.timestep), integrator_name(model), refsafe(model)
+    timestep, integrator, safe = float(model.opt.timestep), integrator_of(model).name, refsafe(model)
     found = []
     for equality in Layout.of(model).equalities:
         index = equality.index

@@ -7,25 +7,17 @@ import mujoco
 import numpy as np
 
 from oarlock.base.numbers import exact
+from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
 from oarlock.diagnosis.runs.controls import drive
-from oarlock.diagnosis.runs.walking import End, diverged, energy_error, integrator_name, other_power, own_copy, walk
+from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import equalities
-from oarlock.mechanics.prepare import INTEGRATORS
+from oarlock.mechanics.prepare import integrator_of, set_integrator
 from oarlock.stepping.closing import close
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
-
-MJCF_INTEGRATORS = {
-    "euler": "Euler",
-    "implicit": "implicit",
-    "implicitfast": "implicitfast",
-    "rk4": "RK4",
-    "discrete": "discrete",
-}
-"""MuJoCo's names of the integrators in MJCF."""
 
 DISTURBANCES = (0.05, 0.01)
 """Deviations of what disturbs a start, rad or m, and per s; the smaller one where the larger cannot be closed."""
@@ -38,7 +30,7 @@ class Setting:
     """A timestep and an integrator, with one solref and solimp for every equality, or the model's own.
 
     Attributes:
-        integrator: as of ``walking.integrator_name``.
+        integrator: by its name.
         solref, solimp: None: as authored.
     """
 
@@ -50,12 +42,12 @@ class Setting:
     @classmethod
     def authored(cls, model: mujoco.MjModel) -> "Setting":
         """What the model has."""
-        return cls(float(model.opt.timestep), integrator_name(model))
+        return cls(float(model.opt.timestep), integrator_of(model).name)
 
     @property
     def evaluations(self) -> int:
         """Of the model in a step."""
-        return 4 if self.integrator == "rk4" else 1
+        return INTEGRATORS[self.integrator].stages
 
     def steps(self, duration_s: float) -> int:
         """Steps of a run of that duration."""
@@ -64,8 +56,7 @@ class Setting:
     def apply(self, model: mujoco.MjModel) -> None:
         """Sets it, in place; equalities of flexes keep their own."""
         model.opt.timestep = self.timestep_s
-        if self.integrator in INTEGRATORS:
-            model.opt.integrator = INTEGRATORS[self.integrator]
+        set_integrator(model, self.integrator)
         ours = [equality.index for equality in equalities(model) if equality.kind.known]
         if self.solref is not None:
             model.eq_solref[ours] = self.solref
@@ -74,7 +65,7 @@ class Setting:
 
     def option_attributes(self) -> dict[str, str]:
         """Attributes of ``<option>``."""
-        return {"timestep": exact(self.timestep_s), "integrator": MJCF_INTEGRATORS[self.integrator]}
+        return {"timestep": exact(self.timestep_s), "integrator": INTEGRATORS[self.integrator].mjcf}
 
     def equality_attributes(self) -> dict[str, str]:
         """Attributes of every equality; none where they stay as authored."""

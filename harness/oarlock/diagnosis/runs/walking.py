@@ -12,7 +12,6 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import coordinates, element_name
-from oarlock.mechanics.prepare import INTEGRATORS
 from oarlock.stepping.walkers import MujocoWalker
 
 HUGE = 1e10
@@ -40,11 +39,6 @@ def energy_error(energy: np.ndarray, other_power: np.ndarray, timestep_s: float)
     return total - total[:1] - work
 
 
-def integrator_name(model: mujoco.MjModel) -> str:
-    """``euler``, ``implicit``, ``implicitfast``, ``rk4`` or ``discrete``."""
-    return next((name for name, value in INTEGRATORS.items() if value == model.opt.integrator), "discrete")
-
-
 def own_copy(model: mujoco.MjModel) -> mujoco.MjModel:
     """A copy for a run: MuJoCo computes energies, and a state that diverged stays as it is instead of starting anew.
 
@@ -64,7 +58,6 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
     It ends early where a number is not finite or beyond ``HUGE``, which stays in the data. The drive must have been
     made for this very model: for its hook a copy is another one.
     """
-    discrete, limit = integrator_name(model) == "discrete", HUGE
     constant = drive is None or all(law.is_constant for _, law in drive.laws)
     if drive is not None:
         drive.apply(data)
@@ -73,13 +66,10 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
         for step in range(steps):
             walker.look()
             # Written so that NaN fails it too.
-            if not (abs(data.qacc).max() < limit and abs(data.qvel).max() < limit and abs(data.qpos).max() < limit):
+            if not (abs(data.qacc).max() < HUGE and abs(data.qvel).max() < HUGE and abs(data.qpos).max() < HUGE):
                 return
             yield step
-            if discrete:
-                mujoco.mj_step(model, data)
-            else:
-                walker.step()
+            walker.step()
 
 
 def diverged(model: mujoco.MjModel, data: mujoco.MjData) -> End:

@@ -170,7 +170,7 @@ def _implicit(exam: Examination, place: int) -> float:
     recording, attribution = exam.recording, exam.attribution
     assert recording is not None
     assert attribution is not None
-    if recording.integrator == "rk4" or recording.steps < 2:
+    if not recording.holds_force or recording.steps < 2:
         return 0.0
     own = recording.layout.of_equality(place)
     update = np.diff(recording.qvel, axis=0) / recording.timestep_s - recording.qacc[:-1]
@@ -221,7 +221,7 @@ def energy(exam: Examination) -> Iterator[Finding]:
         or any(one.locked for one in exam.pose.mobility)
     ):
         return  # rows that pull a loop together or hold a lock do work, and that is not the matter with them
-    if recording.integrator == "rk4" and recording.others_active:
+    if not recording.holds_force and recording.others_active:
         return  # an impact is a jump, of which the power cannot be told from two sides
     taken, kinetic = float(attribution.work[-1].sum()), float(recording.energy[:, 1].max())
     held_back = float(np.abs(recording.force * recording.position).sum(axis=1).max())

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.assembly import CONSISTENT
 from oarlock.diagnosis.loops.loops import Dependency, Group
@@ -205,9 +206,9 @@ def _settings(exam: Examination) -> Iterator[Finding]:
 
 
 def _limit(one: EqualityStability) -> str:
-    if one.integrator == "rk4":
+    if not INTEGRATORS[one.integrator].holds_force:
         h = one.settings.timestep_s
-        return f"h²K = {h * h * one.settings.spring:.3g} and hB = {h * one.settings.damping:.3g} under rk4"
+        return f"h²K = {h * h * one.settings.spring:.3g} and hB = {h * one.settings.damping:.3g} under {one.integrator}"
     return f"h²K + 2hB = {one.number:.3g} under {one.integrator}, stable below 4"
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.page.blocks import plain
 from oarlock.diagnosis.page.chapters.words import counted
-from oarlock.diagnosis.runs.walking import integrator_name
+from oarlock.mechanics.prepare import integrator_of
 
 
 def head(exam: Examination) -> str:
@@ -16,6 +16,6 @@ def head(exam: Examination) -> str:
     text = (
         f"{counted(model.neq, 'equality', 'equalities')}{f' ({off} switched off)' if off else ''}, "
         f"{counted(model.nv, 'degree')} of freedom without {without}. The run: {exam.duration_s:g} s in {exam.steps} "
-        f"steps of {exam.timestep_s:g} s, integrator {integrator_name(model)}, from {exam.begins}; {exam.driven}."
+        f"steps of {exam.timestep_s:g} s, integrator {integrator_of(model)}, from {exam.begins}; {exam.driven}."
     )
     return plain(f"{text} Left out: {exam.ignored}." if exam.ignored else text)
