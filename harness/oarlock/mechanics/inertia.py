@@ -6,6 +6,17 @@ import numpy as np
 from oarlock.base.core import ConstrainedSystem
 
 
+def whiten(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.ndarray:
+    """Multiplies rows (n, nv) by Hᵀ, so that products of the results (n, nv) are entries of rows · M⁻¹ · rowsᵀ.
+
+    The position stage of ``data`` must be valid. Rows of the identity give Hᵀ itself.
+    """
+    found = np.empty(rows.shape)
+    if len(rows):
+        mujoco.mj_solveM2(model, data, found, rows, np.sqrt(data.qLDiagInv))
+    return found
+
+
 class Inertia:
     """Assembles systems of one model's states, and goes the way back from their multipliers.
 
@@ -32,10 +43,8 @@ class Inertia:
         Raises:
             InputError: no rows, or numbers that are not finite.
         """
-        whitened = np.empty(jacobian.shape)
-        if len(jacobian):
-            mujoco.mj_solveM2(self._model, data, whitened, jacobian, np.sqrt(data.qLDiagInv))
-        self.system.assemble_factored(whitened, jacobian, unconstrained, aref, softness)
+        factored = whiten(self._model, data, jacobian)
+        self.system.assemble_factored(factored, jacobian, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained
 
     def acceleration(self, data: mujoco.MjData, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ import numpy as np
 from oarlock.cases.equality_kinds import unknown
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.mechanics.inequalities import IGNORED
+from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.names import Equality, equalities
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.closing import close
@@ -129,11 +130,8 @@ class Assembly:
         return found
 
     def whitened(self, jacobian: np.ndarray) -> np.ndarray:
-        """J H^T (n, nv) with M⁻¹ = Hᵀ H: products of its rows are entries of J M⁻¹ Jᵀ."""
-        found = np.zeros_like(jacobian)
-        if len(jacobian):
-            mujoco.mj_solveM2(self.model, self.data, found, jacobian, np.sqrt(self.data.qLDiagInv))
-        return found
+        """J Hᵀ (n, nv) with M⁻¹ = Hᵀ H: products of its rows are entries of J M⁻¹ Jᵀ."""
+        return whiten(self.model, self.data, jacobian)
 
     def whitened_along(self, qpos: np.ndarray) -> np.ndarray:
         """The same of many poses (T, nq): (T, n, nv)."""

@@ -25,6 +25,7 @@ from oarlock.diagnosis.runs.walking import (
 )
 from oarlock.mechanics.curvature import Curvature
 from oarlock.mechanics.drive import Drive
+from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
@@ -292,9 +293,7 @@ class _Recorder:
         mujoco.mj_solveM(model, data, change, np.stack([data.qfrc_constraint, data.qfrc_constraint - loops]))
         rows["reached"][step, columns] = jacobian @ data.qacc
         self._free[step] = data.qacc_smooth + change[1]
-        whitened = np.zeros_like(jacobian)
-        mujoco.mj_solveM2(model, data, whitened, jacobian, np.sqrt(data.qLDiagInv))
-        self._whitened[slot, columns] = whitened
+        self._whitened[slot, columns] = whiten(model, data, jacobian)
         achieved = jacobian @ (data.qacc_smooth + change[0])
         self._missed[slot, columns] = data.efc_aref[:ne] - achieved - data.efc_R[:ne] * force
 

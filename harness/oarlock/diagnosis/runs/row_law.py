@@ -32,6 +32,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.diagnosis.runs.recording import Recording
+from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.closing import close
 from oarlock.stepping.projection import Projector
@@ -343,8 +344,7 @@ def _accelerations(attribution: Attribution, instants: np.ndarray | None) -> Acc
 def whitened_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
     """W = J L⁻ᵀ of the equality rows (ne, nv) with M = L Lᵀ, and L⁻ᵀ (nv, nv): A = W Wᵀ, M⁻¹Jᵀ = L⁻ᵀ Wᵀ."""
     jacobian = np.ascontiguousarray(closing_jacobian(model, data))
-    half = np.zeros((model.nv, model.nv))
-    mujoco.mj_solveM2(model, data, half, np.eye(model.nv), np.sqrt(data.qLDiagInv))
+    half = whiten(model, data, np.eye(model.nv))
     return jacobian @ half, half
 
 
