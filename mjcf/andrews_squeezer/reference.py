@@ -10,11 +10,13 @@ Solving ordinary differential equations II, §VII.7. Two checks: nothing holds g
 Run: python mjcf/andrews_squeezer/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate, write
 
 M1, M2, M3, M4, M5, M6, M7 = 0.04325, 0.00365, 0.02373, 0.00706, 0.07050, 0.00706, 0.05498
 I1, I2, I3, I4, I5, I6, I7 = 2.194e-6, 4.410e-7, 5.255e-6, 5.667e-7, 1.169e-5, 5.667e-7, 1.912e-5
@@ -38,7 +40,7 @@ START = np.array(
     ]
 )
 DURATION, INTERVAL = 0.03, 2.5e-5
-RTOL, ATOL = 1e-13, 1e-13
+ATOL = 1e-13
 OPEN = 1e-13
 """m. What the loops may stand open at the end: the integration's own error, times lengths of centimetres."""
 LOST = 1e-11
@@ -141,18 +143,15 @@ def energies(q, v):
     return kinetic + 0.5 * STIFFNESS * (spring(q)[1] - REST) ** 2 - MOMENT * q[BETA], kinetic
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """Angles and rates at the times (s), (n, 7) each, from rest."""
-    solution = solve_ivp(
+    solution = integrate(
         lambda t, y: np.concatenate([y[7:], solve_state(y[:7], y[7:])[0]]),
-        (0.0, times[-1]),
         np.concatenate([START, np.zeros(7)]),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
+        times,
+        atol=ATOL,
     )
-    q, v = solution.y[:7].T, solution.y[7:].T
+    q, v = solution[:7].T, solution[7:].T
     opened = max(np.abs(gaps(x)).max() for x in q)
     total, kinetic = np.array([energies(*state) for state in zip(q, v, strict=True)]).T
     lost = np.abs(total - total[0]).max() / kinetic.max()
@@ -163,15 +162,10 @@ def solve(times, rtol=RTOL, atol=ATOL):
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    times = grid(DURATION, INTERVAL)
     q, v = solve(times)
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# seven angles and six multipliers, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for time, *state in zip(times, q, v, strict=True):
-            values = state[0][BETA], state[1][BETA], solve_state(*state)[0][BETA]
-            writer.writerow([f"{time:.6f}", *(f"{value:.16g}" for value in values)])
+    rows = [(x[BETA], rate[BETA], solve_state(x, rate)[0][BETA]) for x, rate in zip(q, v, strict=True)]
+    write(__file__, "seven angles and six multipliers", 6, times, rows, atol=ATOL)
 
 
 if __name__ == "__main__":

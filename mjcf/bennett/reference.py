@@ -13,16 +13,17 @@ I' comes from a complex step, I'(θ) = Im I(θ + iε)/ε, which is exact to roun
 Run: python mjcf/bennett/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 LENGTHS, TWISTS = (0.5, 1.0, 0.5), (np.pi / 6, np.pi / 2, np.pi / 6)
 MASSES, WIDTH, GRAVITY = (1.0, 2.0, 1.0), 0.04, 9.81
 START, DURATION, INTERVAL = (np.pi / 2, 3.0), 10.0, 0.005
-RTOL, ATOL = 1e-13, 1e-14
 COMPLEX_STEP = 1e-30
 
 RATIO = np.sin((TWISTS[1] + TWISTS[0]) / 2) / np.sin((TWISTS[1] - TWISTS[0]) / 2)
@@ -71,29 +72,16 @@ def acceleration(theta, theta_dot):
     return (-0.5 * inertia.imag / COMPLEX_STEP * theta_dot**2 - slope.real) / inertia.real
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """Angle θ₁ (rad) and its rate (rad/s) at the times (s)."""
-    solution = solve_ivp(
-        lambda _, y: (y[1], acceleration(*y)),
-        (0.0, times[-1]),
-        START,
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(*state), START, times)
 
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for time, *row in zip(times, *solve(times), strict=True):
-            writer.writerow([f"{time:.4f}", *(f"{value:.16g}" for value in (*row, acceleration(*row)))])
+    times = grid(DURATION, INTERVAL)
+    rows = [(*state, acceleration(*state)) for state in solve(times).T]
+    write(__file__, "reduced equation of motion", 4, times, rows)
 
 
 if __name__ == "__main__":

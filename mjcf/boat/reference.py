@@ -12,11 +12,13 @@ reduced inertia is constant. Gravity does m g r_c d(sin θ)/dφ = −m g r_c ρ 
 Run: python mjcf/boat/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 CRANK_RADIUS, HANDLE_RADIUS = 0.5, 1.0
 CRANK_INERTIA, OAR_INERTIA = 1.0, 13.0
@@ -24,7 +26,6 @@ OAR_MASS, OAR_CENTRE, GRAVITY = 4.0, 1.25, 9.81
 STROKE, PERIOD = 0.7, 5.0
 STIFFNESS, DAMPING = 10_000.0, 100.0
 DURATION, INTERVAL = 12.0, 0.0025
-RTOL, ATOL = 1e-13, 1e-14
 
 RATIO = CRANK_RADIUS / HANDLE_RADIUS
 OMEGA = 2 * np.pi / PERIOD
@@ -40,30 +41,17 @@ def acceleration(time, phi, phi_dot):
     return (motor - WEIGHT * np.sin(phi)) / INERTIA
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """φ and φ̇ at the times (s), from rest at φ = 0."""
-    solution = solve_ivp(
-        lambda t, y: (y[1], acceleration(t, y[0], y[1])),
-        (0.0, times[-1]),
-        (0.0, 0.0),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(acceleration, (0.0, 0.0), times)
 
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    times = grid(DURATION, INTERVAL)
     phi, phi_dot = solve(times)
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for row in zip(times, phi, phi_dot, acceleration(times, phi, phi_dot), strict=True):
-            writer.writerow([f"{row[0]:.4f}", *(f"{value:.16g}" for value in row[1:])])
+    rows = np.column_stack([phi, phi_dot, acceleration(times, phi, phi_dot)])
+    write(__file__, "reduced equation of motion", 4, times, rows)
 
 
 if __name__ == "__main__":

@@ -14,15 +14,16 @@ I' comes from a complex step, I'(a) = Im I(a + iε)/ε, which is exact to roundi
 Run: python mjcf/bricard/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 GRAVITY, ACROSS, ALONG = 9.81, 1.01 / 12, 0.02 / 12
 DURATION, INTERVAL = 10.0, 0.01
-RTOL, ATOL = 1e-13, 1e-14
 COMPLEX_STEP = 1e-30
 
 AXES = np.eye(3)[[1, 2, 0, 1, 2]]
@@ -63,18 +64,9 @@ def acceleration(a, a_dot):
     return (-0.5 * inertia.imag / COMPLEX_STEP * a_dot**2 - slope.real) / inertia.real
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """Angle a (rad) and ȧ (rad/s) at the times (s), from rest at a = 0."""
-    solution = solve_ivp(
-        lambda _, y: (y[1], acceleration(*y)),
-        (0.0, times[-1]),
-        (0.0, 0.0),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(*state), (0.0, 0.0), times)
 
 
 def place(a):
@@ -91,15 +83,11 @@ def place(a):
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"])
-        for time, a, a_dot in zip(times, *solve(times), strict=True):
-            point, first, second = place(a)
-            row = *point, *(first * a_dot), *(second * a_dot**2 + first * acceleration(a, a_dot))
-            writer.writerow([f"{time:.2f}", *(f"{value:.16g}" for value in row)])
+    times, rows = grid(DURATION, INTERVAL), []
+    for a, a_dot in solve(times).T:
+        point, first, second = place(a)
+        rows.append([*point, *(first * a_dot), *(second * a_dot**2 + first * acceleration(a, a_dot))])
+    write(__file__, "reduced equation of motion", 2, times, rows)
 
 
 if __name__ == "__main__":

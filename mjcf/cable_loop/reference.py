@@ -13,18 +13,19 @@ one the second weight stands at 2 (D(θ) − D(0)). With u = L and w = 2 D as fu
 Run: python mjcf/cable_loop/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 RIGHT, LEFT = 0.5, 0.4
 DRUM, RADIUS, RING = (0.9, 0.9), 0.15, (-0.7, 0.8)
 ARM_MASS, ARM_CENTRE, ARM_INERTIA = 2.0, 0.1, 0.28
 MASSES, GRAVITY, START = (1.6, 1.0), 9.81, 0.5
 DURATION, INTERVAL = 8.0, 0.005
-RTOL, ATOL = 1e-13, 1e-14
 
 
 def _end(theta, arm, centre):
@@ -75,30 +76,17 @@ def acceleration(theta, rate):
     return -((m1 * u1 * u2 + m2 * w1 * w2) * rate**2 + weight) / inertia
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """θ and θ̇ at the times (s), from rest at θ = 0.5."""
-    solution = solve_ivp(
-        lambda _t, y: (y[1], acceleration(y[0], y[1])),
-        (0.0, times[-1]),
-        (START, 0.0),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(*state), (START, 0.0), times)
 
 
 def main():
     """Writes reference.csv beside this file, and prints the start of case.toml."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    times = grid(DURATION, INTERVAL)
     theta, rate = solve(times)
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for row in zip(times, theta, rate, acceleration(theta, rate), strict=True):
-            writer.writerow([f"{row[0]:.4f}", *(f"{value:.16g}" for value in row[1:])])
+    rows = np.column_stack([theta, rate, acceleration(theta, rate)])
+    write(__file__, "reduced equation of motion", 4, times, rows)
     first, second = weights(START)
     print(f"arm = {START:g}, weight = {first:.16g}, counterweight = {second:.16g}")
 

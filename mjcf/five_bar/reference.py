@@ -12,11 +12,13 @@ and with them those of the bars' centres and angles. With all of them in one Jac
 Run: python mjcf/five_bar/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate, write
 
 PIVOTS = np.array([[-0.06, 0.0], [0.06, 0.0]])
 ARMS = np.array([[-0.12, 0.16], [0.12, 0.16]])
@@ -25,7 +27,6 @@ DENSITY, WIDTH, GRAVITY = 2700.0, 0.012, 9.81
 STIFFNESS, DAMPING = 50.0, 1.0
 AMPLITUDES, RATES = np.array([0.25, 0.3]), 2 * np.pi * np.array([1.0, 1.5])
 DURATION, INTERVAL = 2.0, 0.002
-RTOL, ATOL = 1e-13, 1e-14
 
 
 class Point:
@@ -93,18 +94,9 @@ def acceleration(time, q, q_dot):
     return np.linalg.solve(inertia, force)
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """Angles and rates, (q, q̇) as (4, times), at the times (s), from rest at q = 0."""
-    solution = solve_ivp(
-        lambda t, y: np.concatenate([y[2:], acceleration(t, y[:2], y[2:])]),
-        (0.0, times[-1]),
-        np.zeros(4),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate(lambda t, y: np.concatenate([y[2:], acceleration(t, y[:2], y[2:])]), np.zeros(4), times)
 
 
 def tool_path(time, q, q_dot):
@@ -115,14 +107,10 @@ def tool_path(time, q, q_dot):
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# tool, equations of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"])
-        for time, state in zip(times, solve(times).T, strict=True):
-            values = np.insert(tool_path(time, state[:2], state[2:]), 1, 0.0, axis=1).ravel()
-            writer.writerow([f"{time:.3f}", *(f"{value:.16g}" for value in values)])
+    times = grid(DURATION, INTERVAL)
+    paths = [tool_path(time, state[:2], state[2:]) for time, state in zip(times, solve(times).T, strict=True)]
+    rows = [np.insert(path, 1, 0.0, axis=1).ravel() for path in paths]
+    write(__file__, "tool, equations of motion", 3, times, rows)
 
 
 if __name__ == "__main__":

@@ -12,18 +12,19 @@ They give those of the bars' centres c and angles θ, and these the reduced iner
 Run: python mjcf/four_bar/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 PIVOT = np.array([0.8, 0.0])
 CRANK, COUPLER, ROCKER = 0.3, np.hypot(0.8, 0.3), 0.6
 DENSITY, WIDTH, GRAVITY = 2700.0, 0.02, 9.81
 START_SPEED = 12.0
 DURATION, INTERVAL = 2.0, 0.001
-RTOL, ATOL = 1e-13, 1e-14
 
 
 def turned(v):
@@ -72,31 +73,16 @@ def acceleration(phi, phi_dot):
     return force / inertia
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """φ and φ̇ at the times (s), from φ = 0 at START_SPEED."""
-    solution = solve_ivp(
-        lambda _, y: (y[1], acceleration(*y)),
-        (0.0, times[-1]),
-        (0.0, START_SPEED),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(*state), (0.0, START_SPEED), times)
 
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
-    phi, phi_dot = solve(times)
-    phi_ddot = [acceleration(*state) for state in zip(phi, phi_dot, strict=True)]
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for time, *values in zip(times, phi, phi_dot, phi_ddot, strict=True):
-            writer.writerow([f"{time:.3f}", *(f"{value:.16g}" for value in values)])
+    times = grid(DURATION, INTERVAL)
+    rows = [(*state, acceleration(*state)) for state in solve(times).T]
+    write(__file__, "reduced equation of motion", 3, times, rows)
 
 
 if __name__ == "__main__":

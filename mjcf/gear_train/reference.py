@@ -10,19 +10,20 @@ the first two weights hanging below their shafts at x = 0, the third standing ou
 Run: python mjcf/gear_train/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 MASSES, ARMS, INERTIAS = (2.0, 1.5, 0.5), (0.1, 0.08, 0.06), (0.02, 0.015, 0.004)
 """kg; m from the shaft to the centre of mass; kg m² about the centre of mass."""
 GRAVITY, RATIO, START = 9.81, -1.5, 1.0
 MESH = Polynomial([0.0, 1.0, 0.25, -0.05, 0.02])
 DURATION, INTERVAL = 8.0, 0.005
-RTOL, ATOL = 1e-13, 1e-14
 
 ABOUT_SHAFT = [inertia + mass * arm**2 for mass, arm, inertia in zip(MASSES, ARMS, INERTIAS, strict=True)]
 WEIGHTS = [GRAVITY * mass * arm for mass, arm in zip(MASSES, ARMS, strict=True)]
@@ -40,30 +41,16 @@ def acceleration(x, rate):
     return -(0.5 * inertia_slope * rate**2 + fall) / inertia
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """Angle x and rate ẋ at the times (s), from rest at x = 1."""
-    solution = solve_ivp(
-        lambda _t, y: (y[1], acceleration(y[0], y[1])),
-        (0.0, times[-1]),
-        (START, 0.0),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(*state), (START, 0.0), times)
 
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    times = grid(DURATION, INTERVAL)
     x, rate = solve(times)
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for row in zip(times, x, rate, acceleration(x, rate), strict=True):
-            writer.writerow([f"{row[0]:.4f}", *(f"{value:.16g}" for value in row[1:])])
+    write(__file__, "reduced equation of motion", 4, times, np.column_stack([x, rate, acceleration(x, rate)]))
 
 
 if __name__ == "__main__":

@@ -15,18 +15,19 @@ with the sums over the four bars of one finger.
 Run: python mjcf/gripper/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 PIVOT, A, B, C, T = np.array([[0.13, 0.0], [0.17, -0.08], [0.13, -0.10], [0.10, -0.01], [0.10, -0.19]])
 """m, (x, z), of the right finger at φ = 0."""
 DENSITY, WIDTH, GRAVITY = 2700.0, 0.01, 9.81
 TORQUE, OMEGA = 0.004, 4.0 * np.pi
 DURATION, INTERVAL = 4.0, 0.004
-RTOL, ATOL = 1e-13, 1e-14
 
 
 def turned(v):
@@ -83,31 +84,16 @@ def acceleration(time, phi, phi_dot):
     return force / inertia
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """φ and φ̇ at the times (s), from rest at φ = 0."""
-    solution = solve_ivp(
-        lambda t, y: (y[1], acceleration(t, *y)),
-        (0.0, times[-1]),
-        (0.0, 0.0),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(acceleration, (0.0, 0.0), times)
 
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
-    phi, phi_dot = solve(times)
-    phi_ddot = [acceleration(*state) for state in zip(times, phi, phi_dot, strict=True)]
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for time, *values in zip(times, phi, phi_dot, phi_ddot, strict=True):
-            writer.writerow([f"{time:.3f}", *(f"{value:.16g}" for value in values)])
+    times = grid(DURATION, INTERVAL)
+    rows = [(*state, acceleration(time, *state)) for time, state in zip(times, solve(times).T, strict=True)]
+    write(__file__, "reduced equation of motion", 3, times, rows)
 
 
 if __name__ == "__main__":

@@ -12,11 +12,13 @@ They give those of the bars' centres c and angles θ, and these the reduced iner
 Run: python mjcf/jansen_leg/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 # Jansen's lengths, here in cm, by his letters.
 CM = dict(zip("abcdefghijklm", (38, 41.5, 39.3, 40.1, 55.8, 39.4, 36.7, 65.7, 49, 50, 61.9, 7.8, 15), strict=True))
@@ -24,7 +26,6 @@ LENGTH = {name: 0.01 * length for name, length in CM.items()}
 DENSITY, WIDTH, GRAVITY = 700.0, 0.03, 9.81
 SPEED, DAMPING = 2 * np.pi, 2.0
 DURATION, INTERVAL = 2.0, 0.002
-RTOL, ATOL = 1e-13, 1e-14
 
 # The bars: every side of a triangle is one.
 BARS = ["OM", "MU", "MV", "PU", "PW", "UW", "PV", "WX", "VX", "XY", "VY"]
@@ -79,18 +80,9 @@ def acceleration(phi, phi_dot):
     return force / inertia
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """φ and φ̇ at the times (s), from rest at φ = 0."""
-    solution = solve_ivp(
-        lambda _, y: (y[1], acceleration(*y)),
-        (0.0, times[-1]),
-        (0.0, 0.0),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(*state), (0.0, 0.0), times)
 
 
 def toe(phi, phi_dot):
@@ -101,14 +93,9 @@ def toe(phi, phi_dot):
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# toe, reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"])
-        for time, state in zip(times, solve(times).T, strict=True):
-            values = np.insert(toe(*state), 1, 0.0, axis=1).ravel()
-            writer.writerow([f"{time:.3f}", *(f"{value:.16g}" for value in values)])
+    times = grid(DURATION, INTERVAL)
+    rows = [np.insert(toe(*state), 1, 0.0, axis=1).ravel() for state in solve(times).T]
+    write(__file__, "toe, reduced equation of motion", 3, times, rows)
 
 
 if __name__ == "__main__":

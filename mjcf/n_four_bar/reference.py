@@ -12,19 +12,19 @@ Its energy integral θ̇² = 1 + 2k (1 − cos θ) is the check: the integration
 Run: python mjcf/n_four_bar/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 LOOPS = (1, 2, 10, 40)
 GRAVITY, RATE = 9.81, 1.0
 DURATION, INTERVAL = 10.0, 0.01
-RTOL, ATOL = 1e-13, 1e-14
 HELD = 1e-10
-"""Of the energy integral, 1/s², where θ̇² reaches 46: what RTOL leaves over 10 s, with room."""
-COLUMNS = ["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
+"""Of the energy integral, 1/s², where θ̇² reaches 46: what the tolerances leave over 10 s, with room."""
 
 
 def factor(loops):
@@ -32,23 +32,14 @@ def factor(loops):
     return GRAVITY * ((loops + 1) / 2 + loops) / ((loops + 1) / 3 + loops)
 
 
-def solve(loops, times, rtol=RTOL, atol=ATOL):
+def solve(loops, times):
     """θ (rad) and θ̇ (rad/s) at the times (s)."""
     k = factor(loops)
-    solution = solve_ivp(
-        lambda t, y: (y[1], k * np.sin(y[0])),
-        (0.0, times[-1]),
-        (0.0, RATE),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, theta, __: k * np.sin(theta), (0.0, RATE), times)
 
 
 def rows(loops, times):
-    """Time, place, velocity and acceleration of the top, (n, 10), in s and m."""
+    """Place, velocity and acceleration of the top, (n, 9), in m, at the times (s)."""
     theta, rate = solve(loops, times)
     k, sin, cos, flat = factor(loops), np.sin(theta), np.cos(theta), np.zeros_like(theta)
     held = np.abs(rate**2 - RATE**2 - 2 * k * (1 - cos)).max()
@@ -57,20 +48,14 @@ def rows(loops, times):
     place = [sin, cos, flat]
     velocity = [rate * cos, -rate * sin, flat]
     acceleration = [k * sin * cos - rate**2 * sin, -k * sin * sin - rate**2 * cos, flat]
-    return np.column_stack([times, *place, *velocity, *acceleration])
+    return np.column_stack([*place, *velocity, *acceleration])
 
 
 def main():
     """Writes reference-N=*.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    times = grid(DURATION, INTERVAL)
     for loops in LOOPS:
-        path = Path(__file__).parent / f"reference-N={loops}.csv"
-        with path.open("w", encoding="utf-8", newline="") as file:
-            file.write(f"# θ'' = k sin θ, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
-            for row in rows(loops, times):
-                writer.writerow([f"{row[0]:.2f}", *(f"{value:.16g}" for value in row[1:])])
+        write(__file__, "θ'' = k sin θ", 2, times, rows(loops, times), name=f"reference-N={loops}.csv")
 
 
 if __name__ == "__main__":

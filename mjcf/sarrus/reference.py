@@ -11,17 +11,18 @@ at z = 2 l sin φ and does not turn. The centres of a leg's links are at (½ l c
 Run: python mjcf/sarrus/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 GRAVITY, LINK, WIDTH, LINK_MASS, PLATFORM_MASS = 9.81, 0.5, 0.04, 1.0, 2.0
 STIFFNESS, SPRING_ANGLE, START = 60.0, 1.0, 0.4
 LINK_INERTIA = LINK_MASS * (LINK**2 + WIDTH**2) / 12
 LEGS, DURATION, INTERVAL = (2, 3), 5.0, 0.0025
-RTOL, ATOL = 1e-13, 1e-14
 
 
 def acceleration(legs, phi, phi_dot):
@@ -34,32 +35,18 @@ def acceleration(legs, phi, phi_dot):
     return (swept * cosine * sine * phi_dot**2 - weight - spring) / inertia
 
 
-def solve(legs, times, rtol=RTOL, atol=ATOL):
+def solve(legs, times):
     """Angle φ (rad) and φ̇ (rad/s) at the times (s), from rest."""
-    solution = solve_ivp(
-        lambda _, y: (y[1], acceleration(legs, *y)),
-        (0.0, times[-1]),
-        (START, 0.0),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(legs, *state), (START, 0.0), times)
 
 
 def main():
     """Writes the two tables beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    times = grid(DURATION, INTERVAL)
     for legs in LEGS:
-        path = Path(__file__).parent / f"reference_{legs}.csv"
         phi, phi_dot = solve(legs, times)
-        with path.open("w", encoding="utf-8", newline="") as file:
-            file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["time", "position", "velocity", "acceleration"])
-            for row in zip(times, phi, phi_dot, acceleration(legs, phi, phi_dot), strict=True):
-                writer.writerow([f"{row[0]:.4f}", *(f"{value:.16g}" for value in row[1:])])
+        rows = np.column_stack([phi, phi_dot, acceleration(legs, phi, phi_dot)])
+        write(__file__, "reduced equation of motion", 4, times, rows, name=f"reference_{legs}.csv")
 
 
 if __name__ == "__main__":

@@ -15,17 +15,18 @@ I' comes from a complex step, I'(θ) = Im I(θ + iε)/ε, which is exact to roun
 Run: python mjcf/spatial_slider_crank/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 CRANK, ROD, GRAVITY = 0.08, 0.3, 9.81
 CRANK_MASS, ROD_MASS, SLIDER_MASS = 0.12, 0.5, 2.0
 CRANK_INERTIA, ROD_ALONG, ROD_ACROSS = 1e-4, 4e-4, 4e-3
 START, DURATION, INTERVAL = (0.0, 6.0), 5.0, 0.00125
-RTOL, ATOL = 1e-13, 1e-14
 COMPLEX_STEP = 1e-30
 
 SLIDE = np.array([1.0, 0.0, 0.0])
@@ -65,32 +66,19 @@ def acceleration(theta, theta_dot):
     return (-0.5 * shifted.imag / COMPLEX_STEP * theta_dot**2 - weight) / shifted.real
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """Angle θ (rad) and θ̇ (rad/s) at the times (s)."""
-    solution = solve_ivp(
-        lambda _, y: (y[1], acceleration(*y)),
-        (0.0, times[-1]),
-        START,
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(*state), START, times)
 
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for time, theta, theta_dot in zip(times, *solve(times), strict=True):
-            place, first = geometry(theta)[2:]
-            second = geometry(theta + 1j * COMPLEX_STEP)[3].imag / COMPLEX_STEP
-            row = place, first * theta_dot, second * theta_dot**2 + first * acceleration(theta, theta_dot)
-            writer.writerow([f"{time:.5f}", *(f"{value:.16g}" for value in row)])
+    times, rows = grid(DURATION, INTERVAL), []
+    for theta, theta_dot in solve(times).T:
+        place, first = geometry(theta)[2:]
+        second = geometry(theta + 1j * COMPLEX_STEP)[3].imag / COMPLEX_STEP
+        rows.append([place, first * theta_dot, second * theta_dot**2 + first * acceleration(theta, theta_dot)])
+    write(__file__, "reduced equation of motion", 5, times, rows)
 
 
 if __name__ == "__main__":

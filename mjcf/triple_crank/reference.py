@@ -9,18 +9,19 @@ bars of length r and width w:
 Run: python mjcf/triple_crank/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 RADIUS = 0.2
 EDGES = 0.6 + np.hypot(0.4, 0.3) + np.hypot(0.2, 0.3)
 DENSITY, WIDTH, GRAVITY = 2700.0, 0.02, 9.81
 START_SPEED = 8.0
 DURATION, INTERVAL = 5.0, 0.0025
-RTOL, ATOL = 1e-13, 1e-14
 
 CRANK_MASS, PLATE_MASS = DENSITY * WIDTH**2 * RADIUS, DENSITY * WIDTH**2 * EDGES
 INERTIA = 3 * CRANK_MASS * (RADIUS**2 / 3 + WIDTH**2 / 12) + PLATE_MASS * RADIUS**2
@@ -32,30 +33,16 @@ def acceleration(phi):
     return WEIGHT / INERTIA * np.sin(phi)
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """φ and φ̇ at the times (s), from φ = 0 at START_SPEED."""
-    solution = solve_ivp(
-        lambda _, y: (y[1], acceleration(y[0])),
-        (0.0, times[-1]),
-        (0.0, START_SPEED),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, phi, __: acceleration(phi), (0.0, START_SPEED), times)
 
 
 def main():
     """Writes reference.csv beside this file."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    times = grid(DURATION, INTERVAL)
     phi, phi_dot = solve(times)
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# pendulum equation, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for time, *values in zip(times, phi, phi_dot, acceleration(phi), strict=True):
-            writer.writerow([f"{time:.4f}", *(f"{value:.16g}" for value in values)])
+    write(__file__, "pendulum equation", 4, times, np.column_stack([phi, phi_dot, acceleration(phi)]))
 
 
 if __name__ == "__main__":

@@ -13,17 +13,18 @@ by ψ₁. With the platform's mass M (lug included) the energy is ½ I ψ̇₁²
 Run: python mjcf/welded_frame/reference.py
 """
 
-import csv
+import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import solve_ivp
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from _truth import grid, integrate_second, write
 
 LENGTHS, LINK_MASS, PLATFORM_MASS = (0.4, 0.5), 0.6, 2.0
 STIFFNESS, SPRING_ZERO = 25.0, 0.3
 GRAVITY, START = 9.81, 0.75
 DURATION, INTERVAL = 8.0, 0.004
-RTOL, ATOL = 1e-13, 1e-14
 
 
 def second_leg(psi):
@@ -53,30 +54,16 @@ def acceleration(psi, rate):
     return -(0.5 * slope * rate**2 + fall) / inertia
 
 
-def solve(times, rtol=RTOL, atol=ATOL):
+def solve(times):
     """ψ₁ and ψ̇₁ at the times (s), from rest at ψ₁ = 0.75."""
-    solution = solve_ivp(
-        lambda _t, y: (y[1], acceleration(y[0], y[1])),
-        (0.0, times[-1]),
-        (START, 0.0),
-        method="DOP853",
-        t_eval=times,
-        rtol=rtol,
-        atol=atol,
-    )
-    return solution.y
+    return integrate_second(lambda _, *state: acceleration(*state), (START, 0.0), times)
 
 
 def main():
     """Writes reference.csv beside this file, and prints the start of case.toml."""
-    times = np.arange(round(DURATION / INTERVAL) + 1) * INTERVAL
+    times = grid(DURATION, INTERVAL)
     psi, rate = solve(times)
-    with (Path(__file__).parent / "reference.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(f"# reduced equation of motion, DOP853, rtol {RTOL:g}, atol {ATOL:g}; made by reference.py\n")
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time", "position", "velocity", "acceleration"])
-        for row in zip(times, psi, rate, acceleration(psi, rate), strict=True):
-            writer.writerow([f"{row[0]:.4f}", *(f"{value:.16g}" for value in row[1:])])
+    write(__file__, "reduced equation of motion", 4, times, np.column_stack([psi, rate, acceleration(psi, rate)]))
     other = second_leg(START)[0]
     print(f"base2 = top2 = {other:.16g}, knee2 = {-2 * other:.16g}")
 

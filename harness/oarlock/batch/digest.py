@@ -67,7 +67,8 @@ def of_case(case: Case) -> str:
 
 def _files(case: Case) -> list[Path]:
     if case.model_path.suffix == ".py":
-        beside = (path for path in case.folder.iterdir() if path.is_file() and path.suffix not in (".md", ".csv"))
+        told = (".md", ".csv", ".sha256")
+        beside = (path for path in case.folder.iterdir() if path.is_file() and path.suffix not in told)
         files = sorted(path for path in beside if path.name != "case.toml")
     else:
         try:
