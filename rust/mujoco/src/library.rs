@@ -28,7 +28,7 @@ use ffi::{oarlock_header_version, oarlock_open};
 pub use hook::{Controls, with_controls, without_timers};
 pub use jacobian::Jacobian;
 pub use model::{
-    EQ_CONNECT, EQ_DATA, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Integrator, Model, WRAP_CYLINDER, WRAP_JOINT,
+    EQ_CONNECT, EQ_DATA, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model, WRAP_CYLINDER, WRAP_JOINT,
     WRAP_PULLEY, WRAP_SITE,
 };
 

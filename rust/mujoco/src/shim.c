@@ -103,7 +103,7 @@ void oarlock_view_model(const mjModel* m, oarlock_model* view) {
   *view = (oarlock_model){
     .nq = m->nq, .nv = m->nv, .nu = m->nu, .na = m->na, .nbody = m->nbody, .njnt = m->njnt, .ngeom = m->ngeom,
     .nsite = m->nsite, .neq = m->neq, .ntendon = m->ntendon, .nwrap = m->nwrap, .nplugin = m->nplugin,
-    .sparse = api.mj_isSparse(m), .integrator = m->opt.integrator, .timestep = m->opt.timestep,
+    .sparse = api.mj_isSparse(m), .staged = m->opt.integrator == mjINT_RK4, .timestep = m->opt.timestep,
     .body_parentid = m->body_parentid, .body_rootid = m->body_rootid, .body_dofadr = m->body_dofadr,
     .body_dofnum = m->body_dofnum, .jnt_type = m->jnt_type, .jnt_qposadr = m->jnt_qposadr,
     .jnt_dofadr = m->jnt_dofadr, .geom_bodyid = m->geom_bodyid, .site_bodyid = m->site_bodyid,
@@ -139,6 +139,15 @@ void oarlock_view_rows(mjData* d, oarlock_rows* view) {
   };
 }
 
+// The second half of mj_step.
+static void integrate(const mjModel* m, mjData* d) {
+  switch (m->opt.integrator) {
+    case mjINT_RK4: api.mj_RungeKutta(m, d, 4); break;
+    case mjINT_EULER: api.mj_Euler(m, d); break;
+    default: api.mj_implicit(m, d); break;
+  }
+}
+
 static void run(int stage, const mjModel* m, mjData* d) {
   switch (stage) {
     case OARLOCK_FORWARD: api.mj_forward(m, d); break;
@@ -150,9 +159,7 @@ static void run(int stage, const mjModel* m, mjData* d) {
       api.mj_fwdAcceleration(m, d);
       break;
     case OARLOCK_CONSTRAINT: api.mj_fwdConstraint(m, d); break;
-    case OARLOCK_RUNGE_KUTTA: api.mj_RungeKutta(m, d, 4); break;
-    case OARLOCK_EULER: api.mj_Euler(m, d); break;
-    case OARLOCK_IMPLICIT: api.mj_implicit(m, d); break;
+    case OARLOCK_INTEGRATE: integrate(m, d); break;
     case OARLOCK_ENERGY:
       api.mj_energyPos(m, d);
       api.mj_energyVel(m, d);

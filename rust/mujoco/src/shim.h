@@ -11,7 +11,7 @@
 // Mirrored in library.rs, in this order.
 typedef struct {
   int64_t nq, nv, nu, na, nbody, njnt, ngeom, nsite, neq, ntendon, nwrap, nplugin;
-  int64_t sparse, integrator;
+  int64_t sparse, staged;
   double timestep;
   const int *body_parentid, *body_rootid, *body_dofadr, *body_dofnum, *jnt_type, *jnt_qposadr, *jnt_dofadr;
   const int *geom_bodyid, *site_bodyid, *eq_type, *eq_obj1id, *eq_obj2id, *tendon_adr, *tendon_num;
@@ -43,9 +43,7 @@ enum {
   OARLOCK_POSITION,
   OARLOCK_SMOOTH,      // position, velocity, actuation, acceleration: all but the constraint solver
   OARLOCK_CONSTRAINT,
-  OARLOCK_RUNGE_KUTTA,
-  OARLOCK_EULER,
-  OARLOCK_IMPLICIT,
+  OARLOCK_INTEGRATE,
   OARLOCK_ENERGY,
   OARLOCK_STEP,
 };

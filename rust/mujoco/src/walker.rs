@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::drive::Drive;
 use crate::error::Error;
 use crate::force::ForceLaw;
-use crate::library::{Data, Integrator, Model};
+use crate::library::{Data, Model};
 use crate::projection::Projector;
 use crate::vectors::{Vector, at, cross, dot, largest, plus, scaled};
 
@@ -36,7 +36,7 @@ impl<F: ForceLaw> ForcedWalker<F> {
     /// [`Error::Refused`]: the model has actuator activations and is to be integrated by Runge–Kutta.
     pub fn new(data: Data, drive: Drive, force: F, projector: Option<Projector>) -> Result<Self, Error> {
         let model = Arc::clone(data.model());
-        if model.na() > 0 && model.integrator() == Integrator::RungeKutta {
+        if model.na() > 0 && model.is_staged() {
             return Err(Error::Refused(format!(
                 "the model has {} actuator activation(s), expected none with rk4: use euler or implicitfast",
                 model.na()
@@ -63,7 +63,7 @@ impl<F: ForceLaw> ForcedWalker<F> {
     /// What the stages, the force law or the projection say.
     pub fn step(&mut self) -> Result<(), Error> {
         let before = largest(self.data.qvel());
-        if self.data.model().integrator() == Integrator::RungeKutta {
+        if self.data.model().is_staged() {
             self.runge_kutta()?;
         } else {
             self.data.integrate()?;

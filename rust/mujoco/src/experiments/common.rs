@@ -5,7 +5,7 @@ use oarlock_core::{Info, Status};
 use crate::drive::Drive;
 use crate::error::Error;
 use crate::force::Tally;
-use crate::library::{Data, Integrator, with_controls};
+use crate::library::{Data, with_controls};
 use crate::projection::Projector;
 use crate::run::Setup;
 use crate::steps::Steps;
@@ -39,7 +39,7 @@ impl MujocoWalker {
         call: impl FnOnce(&mut Data) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let Self { data, drive } = self;
-        if drive.is_empty() || data.model().integrator() != Integrator::RungeKutta {
+        if drive.is_empty() || !data.model().is_staged() {
             return call(data);
         }
         let model = data.model().clone();

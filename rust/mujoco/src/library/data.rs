@@ -9,7 +9,7 @@ use super::ffi::{
     DataView, RowsView, oarlock_delete_data, oarlock_jacobian_transposed_times, oarlock_make_data,
     oarlock_run, oarlock_solve_mass, oarlock_view_data, oarlock_view_rows, oarlock_whiten,
 };
-use super::model::{Integrator, Model};
+use super::model::Model;
 use super::{array, arrays, size, trapped};
 use crate::error::Error;
 
@@ -21,9 +21,7 @@ enum Stage {
     Position,
     Smooth,
     Constraint,
-    RungeKutta,
-    Euler,
-    Implicit,
+    Integrate,
     Energy,
     Step,
 }
@@ -162,11 +160,7 @@ impl Data {
     /// # Errors
     /// [`Error::Mujoco`].
     pub fn integrate(&mut self) -> Result<(), Error> {
-        self.run(match self.model.integrator() {
-            Integrator::Euler => Stage::Euler,
-            Integrator::RungeKutta => Stage::RungeKutta,
-            Integrator::Implicit => Stage::Implicit,
-        })
+        self.run(Stage::Integrate)
     }
 
     /// `mj_step`.

@@ -18,7 +18,7 @@ pub(super) struct ModelView {
     pub(super) nwrap: i64,
     pub(super) nplugin: i64,
     pub(super) sparse: i64,
-    pub(super) integrator: i64,
+    pub(super) staged: i64,
     pub(super) timestep: f64,
     pub(super) body_parentid: *const c_int,
     pub(super) body_rootid: *const c_int,

@@ -207,14 +207,10 @@ impl Model {
         self.view.timestep
     }
 
-    /// The integrator that the model asks for.
+    /// Whether the model's integrator asks for forces at stages within a step: Runge–Kutta of order four.
     #[must_use]
-    pub fn integrator(&self) -> Integrator {
-        match self.view.integrator {
-            0 => Integrator::Euler,
-            1 => Integrator::RungeKutta,
-            _ => Integrator::Implicit,
-        }
+    pub fn is_staged(&self) -> bool {
+        self.view.staged != 0
     }
 
     /// Whether MuJoCo keeps the Jacobian in compressed rows.
@@ -254,15 +250,4 @@ impl Model {
         // SAFETY: as for `integrate`.
         unsafe { oarlock_differentiate(self.raw.as_ptr(), apart.as_mut_ptr(), from.as_ptr(), to.as_ptr()) }
     }
-}
-
-/// MuJoCo's integrators, as far as they differ in how they are called.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Integrator {
-    /// Semi-implicit Euler.
-    Euler,
-    /// Runge–Kutta of order four.
-    RungeKutta,
-    /// Implicit in velocity, both kinds.
-    Implicit,
 }
