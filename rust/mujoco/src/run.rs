@@ -118,7 +118,7 @@ impl Notes {
         match self.observed {
             Some(Observed::Coordinate(index)) => steps.list("observed", &data.qpos()[index..=index]),
             Some(Observed::Site(index)) => {
-                steps.list("observed", &data.site_xpos()[3 * index..3 * index + 3])
+                steps.list("observed", &data.site_xpos()[3 * index..3 * index + 3]);
             }
             None => {}
         }
