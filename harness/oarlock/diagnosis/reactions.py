@@ -116,7 +116,7 @@ def reactions(
     return tuple(
         EqualityReaction(
             equality=equality.name,
-            kind=equality.kind,
+            kind=equality.kind.name,
             ends=theirs.ends,
             given=_load(theirs.total),
             exact=_load(ours.total),
