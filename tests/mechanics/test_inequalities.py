@@ -15,7 +15,7 @@ REST = """<worldbody><site name="peg" pos="0 0 2"/>
     <geom name="wall" type="sphere" size="0.1" pos="0 0 0.3" contype="1" conaffinity="1"/></worldbody>
   <tendon><spatial name="cord" range="0 1" frictionloss="1"><site site="tip1"/><site site="peg"/></spatial></tendon>"""
 EVERYTHING = {"rocker": 'range="0.1 1" frictionloss="0.1"', "body": HAND, "rest": REST}
-SHORT = {"mode": "free", "solver": ["pinv", "mujoco"], "duration_s": 0.2}
+SHORT = {"mode": "free", "solver": ["pinv", "mujoco"], "duration": 0.2}
 
 
 def test_all_active_ones_are_named(tmp_path):

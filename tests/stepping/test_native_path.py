@@ -245,7 +245,7 @@ def test_an_error_of_mujoco_is_an_exception_on_every_thread():
 def test_another_version_of_mujoco_is_said_and_stepped_in_python(monkeypatch):
     reason = "MuJoCo 4.0.1 is installed, the native stepping was built against 4.0.0"
     monkeypatch.setattr(native_path, "refusal", lambda: reason)
-    asked = {"mode": "free", "form": "hard", "solver": "auto", "duration_s": 0.01}
+    asked = {"mode": "free", "form": "hard", "solver": "auto", "duration": 0.01}
     with pytest.warns(UserWarning, match="stepping in Python, which is slower: MuJoCo 4.0.1 is installed"):
         results = run("boat", **asked)
     assert {row["stepping"] for row in results.rows} == {"python"}
@@ -257,7 +257,7 @@ def test_another_version_of_mujoco_is_said_and_stepped_in_python(monkeypatch):
 
 
 def test_the_table_says_which_path_was_taken():
-    asked = {"mode": "free", "form": "hard", "solver": ["auto", "mujoco"], "duration_s": 0.01}
+    asked = {"mode": "free", "form": "hard", "solver": ["auto", "mujoco"], "duration": 0.01}
     for stepping, expected in (("auto", "native"), ("python", "python")):
         rows = run("boat", stepping=stepping, **asked).rows
         assert {row["stepping"] for row in rows if row["solver"] == "auto"} == {expected}

@@ -168,7 +168,7 @@ print(kept._home)
 
 @pytest.mark.parametrize("stepping", ["native", "python"])
 def test_a_run_on_disk_is_the_run_in_memory(tmp_path, tiny, monkeypatch, stepping):
-    options = {"solver": ["pinv", "sr1", "mujoco"], "duration_s": 0.05, "stepping": stepping}
+    options = {"solver": ["pinv", "sr1", "mujoco"], "duration": 0.05, "stepping": stepping}
     long, kept = run("boat", **options), run("boat", **options, out=tmp_path)
     monkeypatch.undo()
     short = run("boat", **options)

@@ -21,17 +21,13 @@ from oarlock.experiments.task import Task, Walk
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
 from oarlock.stepping.path import Path as SteppingPath
-from oarlock.stepping.path import Spools, Tick
+from oarlock.stepping.path import Spools, Tick, silent
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.python_path import PythonPath
 from oarlock.stepping.solvers import SolverSpec
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
-
-
-def _silent(_steps: int) -> None:
-    pass
 
 
 class _StoppedError(Exception):
@@ -55,7 +51,7 @@ class Laboratory:
         conditions: Conditions = OWN,
         *,
         stepping: str = "auto",
-        tick: Tick = _silent,
+        tick: Tick = silent,
         folder: Path | None = None,
     ):
         self.case, self.conditions = case, conditions
