@@ -233,11 +233,12 @@ def held_still(tmp_path, **offsets):
 @pytest.mark.parametrize(("offsets", "error"), [({}, 0.0), ({"x": 0.1}, 0.1), ({"y": -0.3, "z": 0.2}, 0.3)])
 def test_truth_error_of_a_site_is_its_worst_component(tmp_path, offsets, error):
     setup = setup_of(held_still(tmp_path, **offsets))
+    assert setup.observed is not None
     assert setup.truth is not None
     assert setup.truth.columns == ["time_s", "x", "y", "z"]
     data = setup.data()
     mujoco.mj_forward(setup.model, data)
-    (found,) = setup.truth_errors(np.array([3]), setup.place(data)[None])
+    (found,) = setup.truth_errors(np.array([3]), setup.observed.position(data)[None])
     assert found == pytest.approx(error, abs=TRUTH_INTERPOLATION)
 
 

@@ -68,12 +68,12 @@ def test_published_multipliers_of_a_flex_are_refused_however_many(tmp_path, mult
     published = f"[[published]]\nsource = 's'\ntime_s = 0.0\nequality = 'skin'\nmultipliers = {multipliers}\n"
     folder = write_model(tmp_path / "bar", SKINNED, f"title = 'x'\n{published}")
     with pytest.raises(InputError, match=r"multipliers of 'skin', a flex, expected connect, weld, joint or tendon"):
-        run(folder, mode="free", solver="pinv", duration_s=0.01)
+        run(folder, mode="free", solver="pinv", duration=0.01)
 
 
 def test_a_flex_that_is_switched_off_is_described_and_the_report_shows_the_loop(tmp_path):
     folder = write_model(tmp_path / "bar", SKINNED)
-    run(folder, mode="free", solver="pinv", duration_s=0.02, out=tmp_path / "results")
+    run(folder, mode="free", solver="pinv", duration=0.02, out=tmp_path / "results")
     told = json.loads((tmp_path / "results" / "case.json").read_text(encoding="utf-8"))["model"]["equalities"]
     assert [(one["name"], one["kind"], one["rows"]) for one in told] == [("skin", "flex", None), ("pin", "connect", 3)]
     report = write_report(tmp_path / "results", tmp_path / "report")
