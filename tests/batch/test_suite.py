@@ -145,6 +145,19 @@ def test_runs_that_are_no_longer_asked_for_go(tiny, tmp_path, workers):
     assert len(suite.document()["runs"]) == 6
 
 
+def test_prose_is_no_part_of_the_digest(tmp_path):
+    source = tmp_path / "a.py"
+
+    def digest_of(text):
+        source.write_text(text)
+        return digest._code(source)
+
+    plain = digest_of('"""One."""\n\nX = 1\n"""What X is."""\n\n\ndef f():\n    """Two."""\n    return X\n')
+    assert digest_of('"""Another."""\nX = 1  # why\ndef f():\n    return X\n') == plain
+    assert digest_of("X = 2\ndef f():\n    return X\n") != plain
+    assert digest_of('X = 1\ndef f():\n    return "X"\n') != plain
+
+
 def test_the_digest_covers_the_rooms_that_a_unit_imports_and_no_others():
     """An edit of a page or a benchmark repeats no run; an edit of anything that computes repeats all of them."""
     graph = grimp.build_graph("oarlock", cache_dir=None)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.files import write_text
+from oarlock.base.hashing import of_document, of_file
 from oarlock.base.progress import Progress
 from oarlock.batch import digest
 from oarlock.batch.workers import Workers, dispatch
@@ -34,15 +35,13 @@ class Page:
 
     def inputs(self) -> str:
         """Computes the digest of what the page is made from."""
-        made = [
-            [*(digest.of_file(path / name) for name in _SOURCES), _tables(path), path.name] for path in self.sources
-        ]
-        return digest.of_document([digest.presentation(), made, self.kind])
+        made = [[*(of_file(path / name) for name in _SOURCES), _tables(path), path.name] for path in self.sources]
+        return of_document([digest.presentation(), made, self.kind])
 
     def outputs(self) -> str:
         """Computes the digest of the files of the page."""
         files = [self.target / name for name in _DIRECT] + sorted((self.target / "figures").glob("*.svg"))
-        return digest.of_document([[path.name, digest.of_file(path)] for path in files if path.is_file()])
+        return of_document([[path.name, of_file(path)] for path in files if path.is_file()])
 
 
 def _tables(path: Path) -> Any:
@@ -117,7 +116,8 @@ def write_sweep_index(sweeps: Sequence[Path], report: Path) -> None:
     Raises:
         InputError: it cannot be written, or the summary of a suite is there.
     """
-    from oarlock.render.page import page, render
+    from oarlock.render.page import page
+    from oarlock.render.template import render
 
     if (report / "summary.json").exists():
         raise InputError(f"'{report}' holds the report of a suite, expected a folder of its own for that of a sweep")

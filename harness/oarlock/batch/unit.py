@@ -14,6 +14,7 @@ from typing import Any
 import polars as pl
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.hashing import of_document, of_file
 from oarlock.batch import digest
 from oarlock.cases.case import Case, load_case
 from oarlock.cases.conditions import Conditions
@@ -120,11 +121,11 @@ def _inputs_at(inputs: str, case: Case, point: Point) -> str:
     """The digest of a case at a point, from that of the case: other parameters may have a truth of their own."""
     here = point.of(case)
     other = here.truth_path if here.parameters != case.parameters else None
-    return digest.of_document([inputs, point.values, other and digest.of_file(other)]) if point else inputs
+    return of_document([inputs, point.values, other and of_file(other)]) if point else inputs
 
 
 def _mark(inputs: str, task: Task, runs: tuple[str, ...], first: bool) -> str:
-    return digest.of_document([inputs, repr(task), runs, first])
+    return of_document([inputs, repr(task), runs, first])
 
 
 def _cost(case: Case, walk: Walk, timestep_s: float | None) -> float:

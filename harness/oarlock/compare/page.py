@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from oarlock.render.folder import require_report, write_whole
-from oarlock.render.page import page, render
+from oarlock.render.page import page
+from oarlock.render.template import render
 
 CONTENTS = ("README.md", "index.html")
 """What the page consists of. A folder that holds anything else is not replaced."""
