@@ -10,7 +10,7 @@ from oarlock import InputError
 from oarlock.cases.case import load_case
 from oarlock.cases.conditions import Conditions
 from oarlock.diagnosis.options import CheckOptions
-from oarlock.experiments.modes import ASKED
+from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import RunOptions
 from suites import Heard
 
@@ -18,7 +18,7 @@ from suites import Heard
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"mode": "dance"}, f"unknown mode 'dance', expected one of: {', '.join(ASKED)}"),
+        ({"mode": "dance"}, f"unknown mode 'dance', expected one of: {', '.join(ASKABLE)}"),
         ({"form": "soft"}, "unknown form 'soft', expected one of: matched, hard, both"),
         ({"integrator": "rk5"}, "unknown integrator 'rk5'"),
         ({"stabilisation": "glue"}, "unknown stabilisation 'glue'"),

@@ -4,7 +4,7 @@ from typing import get_args
 
 import pytest
 from oarlock.cases.case_file import ModeName
-from oarlock.experiments.modes import ASKED, MODES
+from oarlock.experiments.modes import ASKABLE, MODES
 from oarlock.experiments.task import Task
 from oarlock.stepping.solvers import SolverSpec
 
@@ -17,7 +17,7 @@ def task(mode, **changes):
 
 def test_every_mode_of_a_case_file_is_in_the_table():
     assert list(MODES) == list(get_args(ModeName))
-    assert list(ASKED) == [*list(MODES)[1:], "all"]
+    assert list(ASKABLE) == [*list(MODES)[1:], "all"]
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,9 @@
 
 import pytest
 from markdown_it import MarkdownIt
-from oarlock.report.case_report import Tables, write_report
+from oarlock.report.case_report import write_report
 from oarlock.report.statements import Compared, statements
+from oarlock.report.tables import Tables
 
 FIGURES = {
     "iterations_mean": 2.5,

@@ -22,7 +22,8 @@ from oarlock import InputError, load_case, run
 from oarlock.base.files import replacing
 from oarlock.experiments.sketch import TRACE_POINTS, traced
 from oarlock.report import figures
-from oarlock.report.case_report import Tables, write_report
+from oarlock.report.case_report import write_report
+from oarlock.report.tables import Tables
 from oarlock.tables import spool
 from oarlock.tables.aggregate import summarise
 from oarlock.tables.figures import TIMING_FIGURES

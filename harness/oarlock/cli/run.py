@@ -14,7 +14,7 @@ from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
 from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, one_of, say
 from oarlock.experiments import session
-from oarlock.experiments.modes import ASKED
+from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
 from oarlock.experiments.outcome import COLUMNS, Results, ending
 from oarlock.render.folder import CONTENTS, require_report
@@ -38,7 +38,7 @@ def run(
         list[str] | None, typer.Option(metavar="NAME[:key=value,…]", help="Solver; may be repeated.")
     ] = None,
     form: Annotated[str | None, typer.Option(help=one_of(FORMS))] = None,
-    mode: Annotated[str | None, typer.Option(help=one_of(ASKED))] = None,
+    mode: Annotated[str | None, typer.Option(help=one_of(ASKABLE))] = None,
     walker: Annotated[str | None, typer.Option(help="Who walks in lockstep: mujoco or a solver.")] = None,
     integrator: Annotated[str | None, typer.Option(help=one_of(RUNNING))] = None,
     stabilisation: Annotated[

@@ -6,17 +6,35 @@ from it; the walk itself is a method of both paths.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from oarlock.cases.case_file import Form, ModeName
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 
 if TYPE_CHECKING:
-    from oarlock.experiments.task import Task
     from oarlock.stepping.path import Path, Tables
 
 Answer = tuple[SolverSpec, Form | None]
 """Who answers, and in which form; MuJoCo answers in none."""
+
+
+class Asked(Protocol):
+    """Who is asked in a task: all that a mode has to know of it."""
+
+    @property
+    def walker(self) -> SolverSpec:
+        """Whoever walks, where those who answer do not."""
+        ...
+
+    @property
+    def forms(self) -> tuple[Form, ...]:
+        """The forms of the question."""
+        ...
+
+    @property
+    def solvers(self) -> tuple[SolverSpec, ...]:
+        """Those who answer."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -33,25 +51,25 @@ class Mode:
         against_mujoco: whether solvers are held against MuJoCo, which is then none of them.
     """
 
-    walks: "Callable[[Task], list[list[Answer]]]"
-    take: "Callable[[Path, Task, SolverSpec | None], Tables]"
-    walked_in: "Callable[[Task], Form | None]"
+    walks: Callable[[Asked], list[list[Answer]]]
+    take: "Callable[[Path, Asked, SolverSpec | None], Tables]"
+    walked_in: Callable[[Asked], Form | None]
     alone: bool = False
     against_mujoco: bool = False
 
 
-def _together(task: "Task") -> list[list[Answer]]:
+def _together(task: Asked) -> list[list[Answer]]:
     """All along one walk, form by form."""
     return [[(solver, form) for form in task.forms for solver in task.solvers]]
 
 
-def _alone(task: "Task") -> list[list[Answer]]:
+def _alone(task: Asked) -> list[list[Answer]]:
     """Each on a walk of its own; MuJoCo once, whatever the forms."""
     forms: dict[bool, tuple[Form | None, ...]] = {True: (None,), False: task.forms}
     return [[(solver, form)] for solver in task.solvers for form in forms[solver.name == MUJOCO]]
 
 
-def _own_form(task: "Task") -> Form | None:
+def _own_form(task: Asked) -> Form | None:
     """The form of a task of one who walks alone."""
     return None if task.solvers[0].name == MUJOCO else task.forms[0]
 
@@ -85,7 +103,7 @@ MODES: dict[ModeName, Mode] = {
 
 CALIBRATION: ModeName = "calibration"
 
-ASKED: dict[str, list[ModeName]] = {
+ASKABLE: dict[str, list[ModeName]] = {
     **{name: [name] for name in MODES if name != CALIBRATION},
     "all": [name for name in MODES if name != CALIBRATION],
 }

@@ -9,7 +9,7 @@ from oarlock.base.errors import InputError, choose
 from oarlock.cases.case_file import Form, Stabilisation
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.integrators import RUNNING
-from oarlock.experiments.modes import ASKED
+from oarlock.experiments.modes import ASKABLE
 from oarlock.stepping.solvers import SolverSpec
 
 FORMS: dict[str, list[Form]] = {"matched": ["matched"], "hard": ["hard"], "both": ["matched", "hard"]}
@@ -63,7 +63,7 @@ class RunOptions:
         if self.threads is not None and self.threads < 1:
             raise InputError(f"threads = {self.threads}, expected a number ≥ 1")
         choices = (
-            ("mode", self.mode, list(ASKED)),
+            ("mode", self.mode, list(ASKABLE)),
             ("form", self.form, list(FORMS)),
             ("integrator", self.integrator, RUNNING),
             ("stabilisation", self.stabilisation, get_args(Stabilisation)),

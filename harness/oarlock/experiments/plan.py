@@ -4,7 +4,7 @@ from oarlock.base import core
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Experiment
-from oarlock.experiments.modes import ASKED, CALIBRATION, MODES
+from oarlock.experiments.modes import ASKABLE, CALIBRATION, MODES
 from oarlock.experiments.options import FORMS, RunOptions
 from oarlock.experiments.task import Task
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
@@ -22,7 +22,7 @@ def plan(case: Case, options: RunOptions = CASE) -> list[Task]:
     if options.whole_case:
         experiments = case.file.experiments
     else:
-        modes, forms = ASKED[options.mode or "all"], FORMS[options.form or "both"]
+        modes, forms = ASKABLE[options.mode or "all"], FORMS[options.form or "both"]
         experiments = [
             Experiment.model_validate(
                 {

@@ -2,13 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from oarlock.base.numbers import figure
 from oarlock.render.template import cell
-
-if TYPE_CHECKING:
-    from oarlock.report.case_report import Tables
+from oarlock.report.tables import Tables
 
 Row = dict[str, Any]
 
@@ -39,7 +37,7 @@ class Compared:
     projected: list[Row]
 
     @classmethod
-    def of(cls, tables: "Tables") -> "Compared":
+    def of(cls, tables: Tables) -> "Compared":
         """Picks them from the runs of a folder; of several integrators the case's own comes first."""
         free, sr1 = tables.free_runs(), {"mode": "lockstep", "form": "hard", "solver": "sr1"}
         projected = tables.all(stabilisation="projection") + tables.all(stabilisation="both")
@@ -57,13 +55,13 @@ class Compared:
         )
 
 
-def statements(tables: "Tables", compared: Compared) -> list[str]:
+def statements(tables: Tables, compared: Compared) -> list[str]:
     """What a report says first, a paragraph of Markdown each; what there are no runs for is left out."""
     every = (_gates, _ignored, _stepping, _matched, _exact, _curvature, _projection, _iterations)
     return [said for make in every for said in make(tables, compared)]
 
 
-def _gates(tables: "Tables", _: Compared) -> Iterator[str]:
+def _gates(tables: Tables, _: Compared) -> Iterator[str]:
     checked = [gate for gate in tables.gates if gate["held"] is not None]
     failed = [gate for gate in checked if not gate["held"]]
     if failed:
@@ -73,7 +71,7 @@ def _gates(tables: "Tables", _: Compared) -> Iterator[str]:
         yield f"**All {len(checked)} gates hold.**"
 
 
-def _ignored(tables: "Tables", _: Compared) -> Iterator[str]:
+def _ignored(tables: Tables, _: Compared) -> Iterator[str]:
     if "inequalities_ignored" in tables.provenance:
         yield f"**Inequalities ignored:** {cell(tables.provenance['inequalities_ignored'])}."
 
@@ -99,7 +97,7 @@ def _matched(_: "Tables", compared: Compared) -> Iterator[str]:
         )
 
 
-def _exact(tables: "Tables", compared: Compared) -> Iterator[str]:
+def _exact(tables: Tables, compared: Compared) -> Iterator[str]:
     exact, default, stiff = compared.exact, compared.default, compared.stiff
     if not exact:
         return
@@ -122,7 +120,7 @@ def _exact(tables: "Tables", compared: Compared) -> Iterator[str]:
     yield said
 
 
-def _curvature(tables: "Tables", compared: Compared) -> Iterator[str]:
+def _curvature(tables: Tables, compared: Compared) -> Iterator[str]:
     exact, stiff, question = compared.exact, compared.stiff, compared.question
     if not (tables.without_curvature and stiff and exact):
         return
@@ -138,7 +136,7 @@ def _curvature(tables: "Tables", compared: Compared) -> Iterator[str]:
     )
 
 
-def _projection(tables: "Tables", compared: Compared) -> Iterator[str]:
+def _projection(tables: Tables, compared: Compared) -> Iterator[str]:
     landed = [row for row in compared.projected if row["status"] == "done"]
     if not landed:
         return
@@ -156,7 +154,7 @@ def _projection(tables: "Tables", compared: Compared) -> Iterator[str]:
     )
 
 
-def _iterations(tables: "Tables", compared: Compared) -> Iterator[str]:
+def _iterations(tables: Tables, compared: Compared) -> Iterator[str]:
     along, soft, alone = compared.along, compared.soft, compared.alone
     if not along:
         return

@@ -16,7 +16,7 @@ from oarlock.base.files import write_text
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
 from oarlock.report import summary_figures as figures
-from oarlock.report.case_report import Tables
+from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.ledger import Ledger

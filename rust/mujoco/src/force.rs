@@ -209,3 +209,61 @@ impl ForceLaw for MujocoForce {
         Ok(())
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use oarlock_core::{Options, make_solver};
+
+    use super::*;
+    use crate::library::testing::{LENGTH, PENDULUM, data, model};
+    use crate::state::Baumgarte;
+
+    const MASS: f64 = 2.0;
+    const GRAVITY: f64 = 9.81;
+
+    #[test]
+    fn a_pendulum_on_a_rope_has_the_acceleration_and_the_tension_of_the_closed_form() {
+        let model = model(PENDULUM);
+        for (angle, rate) in [(0.0, 0.0), (0.7, -1.3), (2.5, 4.0)] {
+            let (sin, cos) = f64::sin_cos(angle);
+            let qpos = [LENGTH * sin, LENGTH - LENGTH * cos];
+            let qvel = [LENGTH * rate * cos, LENGTH * rate * sin];
+            let mut state = data(&model, &qpos, &qvel);
+            let solver = make_solver("auto", &Options::new()).expect("registered");
+            let mut force = SolvedForce::new(
+                State::new(&model, Baumgarte::default()).expect("a tendon"),
+                Form::Hard,
+                solver,
+                2,
+            );
+            force.apply(&mut state).expect("solvable");
+
+            let turn = -GRAVITY / LENGTH * sin;
+            let expected =
+                [LENGTH * (turn * cos - rate * rate * sin), LENGTH * (turn * sin + rate * rate * cos)];
+            for (got, expected) in state.qacc().iter().zip(expected) {
+                assert!((got - expected).abs() < 1e-10, "at {angle}: {:?}, not {expected:?}", state.qacc());
+            }
+            // The multiplier of a rope that pulls is negative: it acts along the gradient of the length.
+            let tension = MASS * (GRAVITY * cos + LENGTH * rate * rate);
+            assert!(
+                (force.answer.multipliers[0] + tension).abs() < 1e-10,
+                "{:?}, not {tension}",
+                force.answer
+            );
+        }
+    }
+
+    #[test]
+    fn baumgartes_terms_ask_for_the_return_of_what_is_open() {
+        // At rest straight below and 0.01 m too long: r̈ = −k r − 2β ṙ.
+        let model = model(PENDULUM);
+        let mut state = data(&model, &[0.0, -0.01], &[0.0, -0.1]);
+        let solver = make_solver("pinv", &Options::new()).expect("registered");
+        let terms = Baumgarte { beta: 3.0, k: 50.0 };
+        let mut force = SolvedForce::new(State::new(&model, terms).expect("a tendon"), Form::Hard, solver, 2);
+        force.apply(&mut state).expect("solvable");
+        let expected = 50.0 * 0.01 + 2.0 * 3.0 * 0.1;
+        assert!((state.qacc()[1] - expected).abs() < 1e-10, "{:?}, not {expected}", state.qacc());
+    }
+}

@@ -147,75 +147,8 @@ impl State {
 
 #[cfg(all(test, unix))]
 mod tests {
-    use oarlock_core::{Options, make_solver};
-
     use super::*;
-    use crate::force::{ForceLaw, SolvedForce};
-    use crate::library::testing::{data, model};
-
-    /// A bob of 2 kg on two slides, held by a rope of 1.5 m from the origin: x and z are relative to its place below.
-    const PENDULUM: &str = r#"<mujoco>
-      <option timestep="1e-3" integrator="RK4"><flag contact="disable"/></option>
-      <worldbody>
-        <site name="hook"/>
-        <body pos="0 0 -1.5">
-          <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
-          <geom size=".1" mass="2"/><site name="bob"/>
-        </body>
-      </worldbody>
-      <tendon><spatial name="rope"><site site="hook"/><site site="bob"/></spatial></tendon>
-      <equality><tendon tendon1="rope"/></equality>
-    </mujoco>"#;
-
-    const LENGTH: f64 = 1.5;
-    const MASS: f64 = 2.0;
-    const GRAVITY: f64 = 9.81;
-
-    #[test]
-    fn a_pendulum_on_a_rope_has_the_acceleration_and_the_tension_of_the_closed_form() {
-        let model = model(PENDULUM);
-        for (angle, rate) in [(0.0, 0.0), (0.7, -1.3), (2.5, 4.0)] {
-            let (sin, cos) = f64::sin_cos(angle);
-            let qpos = [LENGTH * sin, LENGTH - LENGTH * cos];
-            let qvel = [LENGTH * rate * cos, LENGTH * rate * sin];
-            let mut state = data(&model, &qpos, &qvel);
-            let solver = make_solver("auto", &Options::new()).expect("registered");
-            let mut force = SolvedForce::new(
-                State::new(&model, Baumgarte::default()).expect("a tendon"),
-                Form::Hard,
-                solver,
-                2,
-            );
-            force.apply(&mut state).expect("solvable");
-
-            let turn = -GRAVITY / LENGTH * sin;
-            let expected =
-                [LENGTH * (turn * cos - rate * rate * sin), LENGTH * (turn * sin + rate * rate * cos)];
-            for (got, expected) in state.qacc().iter().zip(expected) {
-                assert!((got - expected).abs() < 1e-10, "at {angle}: {:?}, not {expected:?}", state.qacc());
-            }
-            // The multiplier of a rope that pulls is negative: it acts along the gradient of the length.
-            let tension = MASS * (GRAVITY * cos + LENGTH * rate * rate);
-            assert!(
-                (force.answer.multipliers[0] + tension).abs() < 1e-10,
-                "{:?}, not {tension}",
-                force.answer
-            );
-        }
-    }
-
-    #[test]
-    fn baumgartes_terms_ask_for_the_return_of_what_is_open() {
-        // At rest straight below and 0.01 m too long: r̈ = −k r − 2β ṙ.
-        let model = model(PENDULUM);
-        let mut state = data(&model, &[0.0, -0.01], &[0.0, -0.1]);
-        let solver = make_solver("pinv", &Options::new()).expect("registered");
-        let terms = Baumgarte { beta: 3.0, k: 50.0 };
-        let mut force = SolvedForce::new(State::new(&model, terms).expect("a tendon"), Form::Hard, solver, 2);
-        force.apply(&mut state).expect("solvable");
-        let expected = 50.0 * 0.01 + 2.0 * 3.0 * 0.1;
-        assert!((state.qacc()[1] - expected).abs() < 1e-10, "{:?}, not {expected}", state.qacc());
-    }
+    use crate::library::testing::{LENGTH, PENDULUM, data, model};
 
     #[test]
     fn contacts_are_told_with_their_time() {

@@ -104,3 +104,20 @@ pub(crate) fn somewhere(model: &Model) -> (Vec<f64>, Vec<f64>) {
     let pose = moved(model, model.qpos0(), &some(model.nv(), 0.3), 0.4);
     (pose, some(model.nv(), 2.0))
 }
+
+/// A bob of 2 kg on two slides, held by a rope of 1.5 m from the origin: x and z are relative to its place below.
+pub(crate) const PENDULUM: &str = r#"<mujoco>
+  <option timestep="1e-3" integrator="RK4"><flag contact="disable"/></option>
+  <worldbody>
+    <site name="hook"/>
+    <body pos="0 0 -1.5">
+      <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+      <geom size=".1" mass="2"/><site name="bob"/>
+    </body>
+  </worldbody>
+  <tendon><spatial name="rope"><site site="hook"/><site site="bob"/></spatial></tendon>
+  <equality><tendon tendon1="rope"/></equality>
+</mujoco>"#;
+
+/// Length of its rope at rest, m.
+pub(crate) const LENGTH: f64 = 1.5;
