@@ -1,6 +1,7 @@
 """Names of the compiled core. No other file of the package imports ``oarlock._core``."""
 
-from oarlock import _core
+import sys
+
 from oarlock._core import (
     BUILD_PROFILE,
     VERSION,
@@ -20,7 +21,7 @@ from oarlock._core import (
     solvers,
 )
 
-FILE = str(_core.__file__)
+FILE = str(sys.modules["oarlock._core"].__file__)
 """Path of the compiled module."""
 
 __all__ = [
