@@ -99,7 +99,7 @@
 //!
 //! P = range(A₀) is the range of A in the step before, F = A − A₀ the change, r₁ its rank. While P stands still, F is
 //! semidefinite (of either sign) and ‖F‖ ‖A₀⁺‖ < 1, what the paper proves of [`sr1`](solvers::sr1) holds, but for the last step in
-//! Lemma 4 and a symmetry in Lemma 6. `tests/claims.rs` has a property test a row, which passed 100 000 random cases (n ≤ 8,
+//! Lemma 4 and a symmetry in Lemma 6. `tests/core/claims.rs` has a property test a row, which passed 100 000 random cases (n ≤ 8,
 //! condition of A₀ ≤ 12). Errors of the middle column are relative to the products they come from, in units of 1e-15
 //! where nothing else is said.
 //!
@@ -118,7 +118,7 @@
 //! | no denominator vanishes before the last step | yes: the smallest δ is 4e-6, and all have the sign of F | two signs: F = diag(1, −⅓) makes the first one 0 |
 //! | ‖x − x*‖ falls in every step | yes, by ‖F‖ ‖A₀⁺‖ or faster | ‖F‖ ‖A₀⁺‖ = 3: x₁ is three times as far from x* as 0 |
 //!
-//! On the paper's own boat the hypothesis fails (`tests/claims_boat.rs`, 12 000 steps of 1 ms). ‖F‖ ‖A₀⁺‖ is 0.014 at
+//! On the paper's own boat the hypothesis fails (`tests/core/claims_boat.rs`, 12 000 steps of 1 ms). ‖F‖ ‖A₀⁺‖ is 0.014 at
 //! most, but F has two signs in every step: its extreme eigenvalues on P are −f and f to a thousandth. Up to 39 % of F
 //! lies outside P, for P turns with the oars.
 //!
@@ -132,7 +132,7 @@
 //! | every solve converges all the same | in 2.00 iterations at ε = 1e-6, 3 at most; the paper says 1.994 |
 //!
 //! ‖A x − b‖ ≤ ε is reached only while b is in range(A): the floor is ‖Nᵀb‖, N a basis of null(A), and contradicting
-//! rows raise it (`tests/sr1.rs`). The work of whole runs is frozen in `tests/frozen_counts.rs`.
+//! rows raise it (`tests/core/sr1.rs`). The work of whole runs is frozen in `tests/core/frozen_counts.rs`.
 //!
 //! # References
 //!

@@ -1,10 +1,9 @@
 //! Solvers and their options by name: everything listed works, everything else is refused with what is valid.
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::marker::PhantomData;
 
+use crate::support::{assert_within, diagonal, solve};
 use oarlock_core::params::{Params, Value};
 use oarlock_core::registry::find_solver;
 use oarlock_core::solvers::krylov::KrylovParams;
@@ -14,7 +13,6 @@ use oarlock_core::solvers::quasi_newton::{Bfgs, QuasiNewtonParams};
 use oarlock_core::solvers::regularised::RegularisedParams;
 use oarlock_core::solvers::sr1::Sr1Params;
 use oarlock_core::{Options, SOLVERS, make_solver};
-use support::{assert_within, diagonal, solve};
 
 /// The message of a solver that must not build.
 fn refusal(name: &str, options: &Options) -> String {

@@ -5,17 +5,15 @@
 //! E is the identity on P, A₀⁺ = H₀ the start, A = A₀ + F, and a pass k leaves Hₖ, sₖ, yₖ = A sₖ, xₖ₊₁, rₖ₊₁. Where
 //! a claim asks nothing of F, it is tested on changes of no sign and of any size.
 
-mod support;
-
+use crate::support::change::{Change, PARAMS, Solved, any_changes, either_sign, semidefinite_changes};
+use crate::support::trace::{Pass, Traced};
+use crate::support::{ROUNDING, SOLVED, assert_within, config, orthonormal, rows, solve};
 use faer::linalg::solvers::Svd;
 use faer::{Mat, Side};
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::solvers::Solver;
 use proptest::collection::vec;
 use proptest::prelude::*;
-use support::change::{Change, PARAMS, Solved, any_changes, either_sign, semidefinite_changes};
-use support::trace::{Pass, Traced};
-use support::{ROUNDING, SOLVED, assert_within, config, orthonormal, rows, solve};
 
 /// Relative error of H y = s: a step may be as small as `eps_abs`, and its y is a difference of residuals that are
 /// known to rounding, 1e-16 / 1e-9. Worst of 300 000 random cases: 4e-8.

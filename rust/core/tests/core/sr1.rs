@@ -2,15 +2,13 @@
 //! is in `claims.rs`; named problems and the life of a carried H are in `sr1_carried.rs`. Rows that folding takes out
 //! never reach a solver, so the systems here have none.
 
-mod support;
-
+use crate::support::change::{Change, PARAMS, either_sign, semidefinite_changes};
+use crate::support::{SOLVED, assert_within, config, dense, solve, unfolded_systems};
 use nalgebra::DMatrix;
 use oarlock_core::Status;
 use oarlock_core::solvers::Solver;
 use oarlock_core::solvers::sr1::Sr1;
 use proptest::prelude::*;
-use support::change::{Change, PARAMS, either_sign, semidefinite_changes};
-use support::{SOLVED, assert_within, config, dense, solve, unfolded_systems};
 
 /// Changes with redundant rows and a b that is not in the range.
 fn contradictions() -> impl Strategy<Value = Change> {

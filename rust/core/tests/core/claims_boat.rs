@@ -1,16 +1,14 @@
 //! What becomes of the paper's claims on its own boat, at 1 ms along its prescribed motion: F has two signs, the range
 //! of A turns, and with it goes the minimum norm. Every test writes its figures out (`--nocapture`).
 
-mod support;
-
+use crate::support::trace::{Pass, Traced};
+use crate::support::{assert_within, matrix_of, solve, solver};
 use faer::{Mat, Side};
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::solvers::Solver;
 use oarlock_core::solvers::sr1::Sr1Params;
 use oarlock_core::test_problems::{RANK, ROWS, boat};
 use oarlock_core::{ConstrainedSystem, MultiplierSolver, Status};
-use support::trace::{Pass, Traced};
-use support::{assert_within, matrix_of, solve, solver};
 
 /// The defaults, written out: the figures are theirs.
 const PARAMS: Sr1Params = Sr1Params { eps_abs: 1e-6, guard: 1e-6, max_iterations: 50, rank_cut: 1e-10 };

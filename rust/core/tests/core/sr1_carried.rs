@@ -1,14 +1,12 @@
 //! Algorithm (11) on named problems, and the life of its carried H: what ends it and what starts it anew. The counts of
 //! whole runs are in `frozen_counts.rs`.
 
-mod support;
-
+use crate::support::{ROUNDING, assert_within, diagonal, matrix_of, rhs_of, rows, solve, solver};
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::solvers::Solver;
 use oarlock_core::solvers::sr1::{Sr1, Sr1Params};
 use oarlock_core::test_problems::{NV, PAPER_ITERATIONS, ROWS, boat};
 use oarlock_core::{ConstrainedSystem, Status, Wanted};
-use support::{ROUNDING, assert_within, diagonal, matrix_of, rhs_of, rows, solve, solver};
 
 /// The defaults, written out: the counts are theirs.
 const PARAMS: Sr1Params = Sr1Params { eps_abs: 1e-6, guard: 1e-6, max_iterations: 50, rank_cut: 1e-10 };

@@ -1,14 +1,12 @@
 //! A λ = b against an independent computation, the way back to accelerations, reuse, and every refusal of bad input.
 
-mod support;
-
+use crate::support::{
+    MOVED, Mechanism, assert_within, config, matrix_of, mechanisms, motion, numbers, rhs_of, solver,
+};
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::{ConstrainedSystem, Error, SOLVERS, StepView, Wanted};
 use proptest::collection::vec;
 use proptest::prelude::*;
-use support::{
-    MOVED, Mechanism, assert_within, config, matrix_of, mechanisms, motion, numbers, rhs_of, solver,
-};
 
 /// M⁻¹ v by LU, where the code under test uses Cholesky.
 fn divide(mass: &DMatrix<f64>, v: &DMatrix<f64>) -> DMatrix<f64> {

@@ -1,11 +1,11 @@
 //! N four-bar loops through their singular poses, where N ranks are lost.
 
-mod oracle;
-
 use oarlock_core::test_problems::n_four_bar::{FIRST_HORIZONTAL_OF_TWO, NFourBar, horizontal, trajectory};
 use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, Options, Status, Wanted, make_solver};
 
-/// Relative error of accelerations: the bound. The nearest pose of a 1 ms trajectory has cos θ near 1e-3, hence
+use crate::oracle;
+
+/// Relative error of accelerations: the bound asked for. The nearest pose of a 1 ms trajectory has cos θ near 1e-3, hence
 /// a condition of A near 1e6, and a backward-stable solve errs by 1e-10; `sr1-tracked` stops at a residual of 1e-8.
 const ACCELERATION: f64 = 1e-6;
 

@@ -1,17 +1,15 @@
 //! The reference solver, by the properties that define A⁺ b.
 
-mod support;
-
+use crate::support::{
+    MOVED, PsdSystem, ROUNDING, SOLVED, assert_within, config, dense, diagonal, mechanisms, motion,
+    psd_systems, rhs_of, rows, solve, solver,
+};
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::solvers::Solver;
 use oarlock_core::solvers::pinv::{Pinv, PinvParams};
 use oarlock_core::test_problems::{NV, RANK, ROWS, boat};
 use oarlock_core::{ConstrainedSystem, Error, Status, Wanted};
 use proptest::prelude::*;
-use support::{
-    MOVED, PsdSystem, ROUNDING, SOLVED, assert_within, config, dense, diagonal, mechanisms, motion,
-    psd_systems, rhs_of, rows, solve, solver,
-};
 
 /// A⁺, column by column: the solutions for the unit vectors.
 fn pseudo_inverse(matrix: &DMatrix<f64>) -> DMatrix<f64> {

@@ -1,16 +1,14 @@
 //! What every solver of the registry owes: finite numbers on ugly systems, the right answer on the good one that follows,
 //! and a saved state that goes on as the solver would have.
 
-mod support;
-
+use crate::support::{
+    assert_within, config, dense, diagonal, matrix_of, rhs_of, rows, solve, solver, unfolded_systems,
+};
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::registry::SolverKind;
 use oarlock_core::test_problems::{NV, ROWS, boat};
 use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS, StepView};
 use proptest::prelude::*;
-use support::{
-    assert_within, config, dense, diagonal, matrix_of, rhs_of, rows, solve, solver, unfolded_systems,
-};
 
 /// Residual that every solver reaches by default on well-conditioned systems with b of order one: `eps_abs` of the
 /// quasi-Newton solvers.

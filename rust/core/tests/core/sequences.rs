@@ -1,7 +1,5 @@
 //! Random slowly varying sequences against A⁺ b in 62 digits.
 
-mod oracle;
-
 use std::fmt::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread;
@@ -9,6 +7,8 @@ use std::thread;
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::test_problems::sequence::{Random, Sequence, SequenceStep};
 use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS, Status, Wanted, make_solver};
+
+use crate::oracle;
 
 /// Sequences; without optimisation the oracle takes a hundred times as long.
 const SEQUENCES: u64 = if cfg!(debug_assertions) { 100 } else { 2000 };
@@ -190,7 +190,7 @@ fn every_solver_ends_with_a_status() {
 
 #[test]
 fn oracle_has_its_digits() {
-    use oracle::Quad;
+    use crate::oracle::Quad;
     let quad = |value: f64| Quad::from(value);
     let third = quad(1.0) / quad(3.0);
     let rest = third * quad(3.0) - quad(1.0);

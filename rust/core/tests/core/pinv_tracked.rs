@@ -1,11 +1,9 @@
 //! The carried reference: the answer of an eigendecomposition to rounding, seldom by one.
 
-mod support;
-
+use crate::support::{SOLVED, assert_within, dense, rhs_of, rows, solve, solver};
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::ConstrainedSystem;
 use oarlock_core::test_problems::boat;
-use support::{SOLVED, assert_within, dense, rhs_of, rows, solve, solver};
 
 /// Largest relative distance from pinv along a sequence, and how often it was decomposed anew.
 fn follow(systems: impl Iterator<Item = ConstrainedSystem>) -> (f64, usize) {

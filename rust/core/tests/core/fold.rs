@@ -1,17 +1,15 @@
 //! Folding changes nothing but the work: the same minimum-norm least-squares solution as without it, whatever the rows do.
 
-mod support;
-
+use crate::support::{
+    MOVED, Mechanism, ROUNDING, SOLVED, assert_within, config, dense, matrix_of, mechanisms, numbers,
+    psd_systems, rhs_of, rows, scales, solve, solver,
+};
 use nalgebra::DVector;
 use oarlock_core::problem::{FOLD_TOLERANCE, Fold};
 use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, StepView};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use support::{
-    MOVED, Mechanism, ROUNDING, SOLVED, assert_within, config, dense, matrix_of, mechanisms, numbers,
-    psd_systems, rhs_of, rows, scales, solve, solver,
-};
 
 /// A factor between proportional rows: either sign, and not so small that the copy counts as zero.
 fn factors() -> impl Strategy<Value = f64> {

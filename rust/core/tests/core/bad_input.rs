@@ -1,12 +1,10 @@
 //! Input that no solver can use, before every solver of the registry; and what `make fuzz` has found, in its least form.
 
-mod support;
-
+use crate::support::{ROUNDING, assert_within, diagonal, matrix_of, rhs_of, rows, solve};
 use oarlock_core::registry::SolverKind;
 use oarlock_core::{
     ConstrainedSystem, Error, Info, MultiplierSolver, Options, SOLVERS, State, Status, StepView, Wanted,
 };
-use support::{ROUNDING, assert_within, diagonal, matrix_of, rhs_of, rows, solve};
 
 fn make(kind: &SolverKind) -> Box<dyn MultiplierSolver> {
     (kind.build)(&Options::new()).expect(kind.name)

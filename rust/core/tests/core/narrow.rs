@@ -1,10 +1,8 @@
 //! Sparse rows: spans that grow and shrink, and matrices with a narrow envelope.
 
-mod support;
-
+use crate::support::{matrix_of, solver};
 use nalgebra::{DMatrix, DVector};
 use oarlock_core::{ConstrainedSystem, Info, StepView, Wanted};
-use support::{matrix_of, solver};
 
 const SIZE: usize = 40;
 

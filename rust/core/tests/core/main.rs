@@ -1,0 +1,20 @@
+//! The tests of the crate through its public face: one program, because every one of them would be linked anew.
+
+mod bad_input;
+mod claims;
+mod claims_boat;
+mod every_solver;
+mod fold;
+mod frozen_counts;
+mod narrow;
+mod near_the_cut;
+mod options;
+mod oracle;
+mod pinv;
+mod pinv_tracked;
+mod sequences;
+mod singular;
+mod sr1;
+mod sr1_carried;
+mod support;
+mod system;
