@@ -29,7 +29,7 @@ else
 endif
 
 test: setup
-	$(CARGO) test --locked --release --quiet -p oarlock-core -p oarlock-fuzz -p oarlock-mujoco
+	$(CARGO) test --locked --profile checked --quiet -p oarlock-core -p oarlock-fuzz -p oarlock-mujoco
 	$(BIN)/python -m pytest
 
 # Besides: the slow tests, and the native path under valgrind, which has to be there.

@@ -34,6 +34,14 @@ def test_no_public_name_hides_a_module():
     assert public & modules == set()
 
 
+def test_every_folder_of_sources_is_a_package():
+    """The contracts do not see a folder that is none."""
+    sources = [path for path in PACKAGE.rglob("*.py") if "models" not in path.relative_to(PACKAGE).parts]
+    folders = {path.parent for path in sources}
+    assert len(folders) > 15
+    assert [folder for folder in folders if not (folder / "__init__.py").is_file()] == []
+
+
 def test_tests_mirror_the_rooms():
     rooms = {path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
     folders = {path.name for path in (REPOSITORY / "tests").iterdir() if any(path.glob("**/test_*.py"))}

@@ -1,9 +1,13 @@
 """Options of a function that are one object and keyword arguments alike, documented once, in the object's class."""
 
 import inspect
+import math
 from collections.abc import Callable
 from dataclasses import fields, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeVar
+
+from oarlock.base.errors import InputError, choose
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -16,10 +20,33 @@ def complete(kind: type[Options], options: Options | None, keywords: dict[str, A
     """Gives the options with the keywords in place of what they say; the defaults of ``kind`` where there are none.
 
     Raises:
-        TypeError: a keyword that is no field.
-        InputError: a value out of range.
+        InputError: a keyword that is no field, or a value out of range.
     """
+    names = [one.name for one in fields(kind)]
+    for keyword in keywords:
+        choose("argument", keyword, names)
     return kind(**keywords) if options is None else replace(options, **keywords)
+
+
+def require_number(name: str, value: Any, *, unit: str = "", positive: bool = False) -> None:
+    """Checks a number that a user may give; None is no number, and is left to the default.
+
+    Args:
+        name: what a message calls it.
+        value: what was given.
+        unit: what it is in.
+        positive: whether 0 is too small.
+
+    Raises:
+        InputError: it is no number, not finite, or negative.
+    """
+    if value is None:
+        return
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not number or not (math.isfinite(value) and (value > 0 if positive else value >= 0)):
+        shown = f"{value:g}" if number else repr(value)
+        least = "> 0" if positive else "≥ 0"
+        raise InputError(f"{name} = {f'{shown} {unit}'.rstrip()}, expected a finite number {least}")
 
 
 def takes(kind: type[Any]) -> Callable[[Function], Function]:

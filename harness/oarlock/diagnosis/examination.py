@@ -35,6 +35,9 @@ DURATION_S = 2.0
 MAX_STEPS = 20_000
 """Steps of the run at most: a longer one is cut unless its duration was asked for."""
 
+MOST_STEPS = 1_000_000
+"""Steps that may be asked for: all of a run is held in memory, some kilobytes a step."""
+
 POSES = 60
 """So many poses of the motion at most are looked at for unique reactions."""
 
@@ -196,7 +199,13 @@ def _steps(model: mujoco.MjModel, options: CheckOptions, own_s: float | None) ->
     timestep_s = float(model.opt.timestep)
     if not (math.isfinite(timestep_s) and timestep_s > 0):
         raise InputError(f"timestep of the model = {timestep_s:g} s, expected a finite number > 0")
-    steps = max(1, round((options.duration or own_s or DURATION_S) / timestep_s))
+    asked = (options.duration or own_s or DURATION_S) / timestep_s
+    if options.duration and asked > MOST_STEPS:
+        raise InputError(
+            f"{options.duration:g} s at a timestep of {timestep_s:g} s are {asked:.3g} steps, "
+            f"expected at most {MOST_STEPS:,}"
+        )
+    steps = max(1, round(asked))
     return steps if options.duration else min(steps, MAX_STEPS)
 
 

@@ -1,10 +1,10 @@
 """What a user may ask of a check."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from oarlock.base.arguments import require_number
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.integrators import RUNNING
 
@@ -53,10 +53,12 @@ class CheckOptions:
     fail_above: float | None = None
 
     def __post_init__(self):
-        for what in ("duration", "timestep", "target"):
-            value = getattr(self, what)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise InputError(f"--{what} = {value:g}, expected a finite number > 0")
+        for name, unit in (("duration", "s"), ("timestep", "s"), ("target", "")):
+            require_number(name, getattr(self, name), unit=unit, positive=True)
+        for name in ("budget", "fail_above", "seed"):
+            require_number(name, getattr(self, name))
+        if not isinstance(self.seed, int):
+            raise InputError(f"seed = {self.seed!r}, expected a whole number ≥ 0")
         if self.integrator is not None:
             choose("integrator", self.integrator, RUNNING)
         if self.controls is not None:

@@ -1,10 +1,10 @@
 """What a user may ask of a run."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from oarlock.base.arguments import require_number
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.case_file import Form, Stabilisation
 from oarlock.cases.conditions import Conditions
@@ -57,9 +57,10 @@ class RunOptions:
     threads: int | None = None
 
     def __post_init__(self):
-        for name, value in (("timestep", self.timestep), ("duration", self.duration)):
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} = {value:g} s, expected a finite number > 0")
+        for name, unit in (("timestep", "s"), ("duration", "s"), ("rtol", "")):
+            require_number(name, getattr(self, name), unit=unit, positive=True)
+        if not isinstance(self.solver, str | Sequence):
+            raise InputError(f"solver = {self.solver!r}, expected a name or a list of names")
         if self.threads is not None and self.threads < 1:
             raise InputError(f"threads = {self.threads}, expected a number ≥ 1")
         choices = (

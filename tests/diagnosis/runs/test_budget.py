@@ -51,7 +51,7 @@ def told(file, wish) -> tuple:
 def stop_at(monkeypatch, looks: int) -> None:
     """A clock that stands still for so many looks, the first one among them, and then is a day later."""
     count = itertools.count(1)
-    monkeypatch.setattr(time, "perf_counter", lambda: 0.0 if next(count) <= looks else 86_400.0)
+    monkeypatch.setattr(time, "process_time", lambda: 0.0 if next(count) <= looks else 86_400.0)
 
 
 # Work.
@@ -97,7 +97,7 @@ def test_one_budget_gives_one_answer_whatever_the_clock_says(monkeypatch):
     first = [told(CHECK / name, wish)[:2] for name, wish in asked]
     moody = random.Random(3)
     passed = itertools.accumulate(moody.choice([0.0, 1e-6, 2e-4]) for _ in itertools.count())
-    monkeypatch.setattr(time, "perf_counter", lambda: next(passed))
+    monkeypatch.setattr(time, "process_time", lambda: next(passed))
     assert [told(CHECK / name, wish)[:2] for name, wish in asked] == first
     outcomes = [one["recipe"]["outcome"] for one, _ in first]
     assert set(outcomes) == {"reached", "undecided"}
@@ -108,14 +108,14 @@ def test_one_budget_gives_one_answer_whatever_the_clock_says(monkeypatch):
 
 def test_the_clock_stands_far_behind_the_budget(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(time, "process_time", lambda: now[0])
     for seconds, limit_s in ((0.001, LEAST_LIMIT_S), (8.0, 8.0 * PATIENCE)):
         now[0] = 0.0
         budget = Budget(seconds)
         now[0] = limit_s
         budget.tick()
         now[0] = 1.001 * limit_s
-        with pytest.raises(CutShortError, match=f"cut short after {limit_s:g} s of wall clock"):
+        with pytest.raises(CutShortError, match=f"cut short after {limit_s:g} s of processor time"):
             budget.tick()
 
 
@@ -129,7 +129,7 @@ def test_the_clock_cuts_short_between_steps_and_says_so(monkeypatch, looks, tria
     found = hanging(8.0)
     assert found.outcome == "undecided"
     assert found.trials == whole.trials[:trials]
-    assert found.reason.startswith("cut short after 80 s of wall clock; '")
+    assert found.reason.startswith("cut short after 80 s of processor time; '")
     assert not found.reached
 
 
@@ -142,7 +142,9 @@ def test_what_is_decided_stays_so_if_the_clock_ends_the_search_for_less_loss(mon
     found = recipe(*asked)
     assert (found.outcome, found.chosen, found.trials) == (whole.outcome, whole.chosen, whole.trials[:-1])
     assert found.conserving is None
-    assert found.reason.endswith("; cut short after 80 s of wall clock, before a run that loses less was looked for")
+    assert found.reason.endswith(
+        "; cut short after 80 s of processor time, before a run that loses less was looked for"
+    )
 
 
 # What is said.

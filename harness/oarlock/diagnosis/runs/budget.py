@@ -29,14 +29,14 @@ class Budget:
 
     Attributes:
         seconds: all of them.
-        limit_s: wall clock from now on, s, that may pass at most.
+        limit_s: processor time of this process, s, that may be spent from now on; other processes do not use it up.
     """
 
     def __init__(self, seconds: float):
         self.seconds = seconds
         self.limit_s = max(LEAST_LIMIT_S, PATIENCE * seconds)
         self._left = seconds
-        self._until = time.perf_counter() + self.limit_s
+        self._until = time.process_time() + self.limit_s
 
     def affords(self, steps: float, evaluations: float, size: int) -> bool:
         """Whether a run fits into what is left; arguments as of ``charge``."""
@@ -52,8 +52,8 @@ class Budget:
         Raises:
             CutShortError: ``limit_s`` has passed.
         """
-        if time.perf_counter() > self._until:
-            raise CutShortError(f"cut short after {self.limit_s:g} s of wall clock")
+        if time.process_time() > self._until:
+            raise CutShortError(f"cut short after {self.limit_s:g} s of processor time")
 
 
 def charge(steps: float, evaluations: float, size: int) -> float:
