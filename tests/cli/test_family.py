@@ -111,3 +111,31 @@ def test_a_sweep_has_its_point_in_front(answers):
     assert [path.name for path in answers["sweep"].tables] == ["sweep.csv"]
     with pytest.raises(oarlock.InputError, match="expected KEY=A:B:N"):
         oarlock.sweep("boat", [])
+
+
+@pytest.mark.parametrize("name", FAMILY)
+def test_a_page_of_somebody_else_is_not_overwritten(answers, name, tmp_path):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for own in ("README.md", "mine.txt"):
+        (folder / own).write_text("# Mine\n")
+    with pytest.raises(oarlock.InputError, match=r"mine\.txt|README\.md' is a page of something else"):
+        answers[name].report(folder)
+    assert [(folder / own).read_text() for own in ("README.md", "mine.txt")] == ["# Mine\n"] * 2
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: oarlock.run("boat", duration_s=1.0), "unknown argument 'duration_s', expected one of: solver, "),
+        (lambda: oarlock.run("boat", duration="1"), "duration = '1' s, expected a finite number > 0"),
+        (lambda: oarlock.run("boat", rtol=True), "rtol = True, expected a finite number > 0"),
+        (lambda: oarlock.run("boat", solver=3), "solver = 3, expected a name or a list of names"),
+        (lambda: oarlock.check("boat", budget=-1), "budget = -1, expected a finite number ≥ 0"),
+        (lambda: oarlock.check("boat", seed=1.5), "seed = 1.5, expected a whole number ≥ 0"),
+    ],
+)
+def test_arguments_that_make_no_sense(call, said):
+    with pytest.raises(oarlock.InputError) as refused:
+        call()
+    assert str(refused.value).startswith(said)

@@ -116,6 +116,7 @@ def write_sweep_index(sweeps: Sequence[Path], report: Path) -> None:
     Raises:
         InputError: it cannot be written, or the summary of a suite is there.
     """
+    from oarlock.render.folder import require_same_page
     from oarlock.render.page import page
     from oarlock.render.template import render
 
@@ -123,6 +124,7 @@ def write_sweep_index(sweeps: Sequence[Path], report: Path) -> None:
         raise InputError(f"'{report}' holds the report of a suite, expected a folder of its own for that of a sweep")
     documents = {f"{path.parent.name}-{path.name}": _summary(path) for path in sweeps}
     text = render("sweeps.md.j2", sweeps={name: one for name, one in documents.items() if one})
+    require_same_page(report / "README.md", text)
     write_text(report / "README.md", text)
     write_text(report / "index.html", page("Sweeps", text, [], {}))
 

@@ -25,6 +25,27 @@ def require_report(target: Path, contents: Sequence[str]) -> None:
         raise InputError(f"'{target}' holds '{foreign[0]}', expected a new folder or an old report and nothing else")
 
 
+def require_same_page(path: Path, text: str) -> None:
+    """Checks that a page in a folder of several may be written: there is none yet, or an older one with its title.
+
+    Args:
+        path: of the page.
+        text: what is to stand there; its first line is the title.
+
+    Raises:
+        InputError: another page is there.
+    """
+    try:
+        with path.open(encoding="utf-8", errors="replace") as file:
+            title = file.readline().rstrip("\n")
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise InputError(f"cannot write '{path}': {error.strerror or error}") from None
+    if title != text.partition("\n")[0]:
+        raise InputError(f"'{path}' is a page of something else, expected a new folder or an old report")
+
+
 def write_whole(target: Path, write: Callable[[Path], None]) -> Path:
     """Writes a folder under a temporary name, then puts it in place of the old one.
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import write_text
+from oarlock.render.folder import require_same_page
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
 from oarlock.report import summary_figures as figures
@@ -258,6 +259,7 @@ def write_summary(folders: Sequence[Path], target: Path) -> Path:
     summary = Summary(folders)
     tracked, timed = draw(summary)
     text = render("summary.md.j2", summary=summary, figures=tracked, solvers=figures.SOLVERS)
+    require_same_page(target / "README.md", text)
     for figure in tracked:
         write_text(target / "figures" / f"{figure.name}.svg", figure.svg())
     write_text(target / "README.md", text)

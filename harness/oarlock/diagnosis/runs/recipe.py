@@ -15,6 +15,7 @@ from typing import Literal
 import mujoco
 
 from oarlock.base.errors import InputError
+from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, Row
 from oarlock.diagnosis.options import BUDGET_S
 from oarlock.diagnosis.runs.budget import Budget, CutShortError
@@ -56,6 +57,9 @@ LOST = 0.01
 ALIKE = 1.25
 """Costs within this factor count as the same: evaluations tell a time no better. Of such runs the own integrator's goes
 first, then the one that opens least."""
+
+CONSERVING = INTEGRATORS["rk4"].name
+"""The integrator that is tried for the energy's sake, and where no other holds a loop at the model's own timestep."""
 
 Outcome = Literal["holds", "reached", "not-reached", "undecided"]
 
@@ -229,15 +233,15 @@ class _Search:
         return within and len(verified) == len(starts)
 
     def _conserving(self, chosen: Trial) -> Trial | None:
-        if chosen.setting.integrator == "rk4" or chosen.energy_error <= LOST * chosen.kinetic_energy:
+        if chosen.setting.integrator == CONSERVING or chosen.energy_error <= LOST * chosen.kinetic_energy:
             return None
         timestep = float(self._model.opt.timestep)
-        if not any(trial.setting.integrator == "rk4" for trial in self._own_trials()):
-            self._try("critical, rk4", critical(timestep, "rk4"))
+        if not any(trial.setting.integrator == CONSERVING for trial in self._own_trials()):
+            self._try(f"critical, {CONSERVING}", critical(timestep, CONSERVING))
         found = [
             trial
             for trial in self._own_trials()
-            if trial.setting.integrator == "rk4"
+            if trial.setting.integrator == CONSERVING
             and trial.drift <= self._target
             and trial.energy_error <= 0.1 * chosen.energy_error
         ]
@@ -247,17 +251,17 @@ class _Search:
 
     def _best(self, own: str, timestep: float) -> Trial | None:
         """The cheapest trial that holds, or the one that opens least."""
-        families: list[_Family] = [("deadbeat", own)] + ([("critical", own)] if own == "rk4" else [])
+        families: list[_Family] = [("deadbeat", own)] + ([("critical", own)] if own == CONSERVING else [])
         first = {family: self._first(family, timestep) for family in families}
         if any(trial is not None and trial.drift <= self._target for trial in first.values()):
             return self._cheapest(self._own_trials())
         # Runge–Kutta takes four evaluations a step: worth it where Euler would need more steps than that.
-        if own != "rk4":
+        if own != CONSERVING:
             if own != "euler":
                 first["deadbeat", "euler"] = self._first(("deadbeat", "euler"), timestep)
             least = min((trial.drift for trial in first.values() if trial), default=math.inf)
             if not math.isfinite(least) or least / (MARGIN * self._target) > 2.0:
-                extra: list[_Family] = [("critical", "rk4"), ("deadbeat", "rk4")]
+                extra: list[_Family] = [("critical", CONSERVING), ("deadbeat", CONSERVING)]
                 first |= {family: self._first(family, timestep) for family in extra}
         for family, trial in sorted(first.items(), key=lambda item: self._expected(item[1])):
             held = [one for one in self._own_trials() if one.drift <= self._target]
