@@ -43,8 +43,9 @@ def require_number(name: str, value: Any, *, unit: str = "", positive: bool = Fa
     if value is None:
         return
     number = isinstance(value, Real) and not isinstance(value, bool)
-    if not number or not (math.isfinite(value) and (value > 0 if positive else value >= 0)):
-        shown = f"{value:g}" if number else repr(value)
+    size = float(value) if number else math.nan
+    if not (math.isfinite(size) and (size > 0 if positive else size >= 0)):
+        shown = f"{size:g}" if number else repr(value)
         least = "> 0" if positive else "≥ 0"
         raise InputError(f"{name} = {f'{shown} {unit}'.rstrip()}, expected a finite number {least}")
 
