@@ -11,7 +11,7 @@ import numpy as np
 
 from oarlock.base.arrays import relative_difference
 from oarlock.base.core import MultiplierSolver
-from oarlock.base.errors import InputError
+from oarlock.base.errors import DiskError, InputError
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.prepare import unsolved
@@ -23,7 +23,7 @@ from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Question, SolvedForce
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.stepping.state import State
-from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_finite
+from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_finite, walk
 from oarlock.tables.columns import table_of_rows
 from oarlock.tables.figures import Walk
 from oarlock.tables.spool import Spool
@@ -116,26 +116,50 @@ class PythonPath:
         return [table.whole() for table in tables], ending
 
     def _take_steps(self, experiment: Experiment, tables: list["_Table"]) -> Ending | None:
-        walker, steps = experiment.walker, self._prepared.steps
-        for step in range(steps):
-            try:
-                began = time.perf_counter()
-                walker.look()
-                looked = time.perf_counter()
-                rows = experiment.begin(step)
-                recorded = time.perf_counter()
-                walker.step()
-                step_us = 1e6 * (time.perf_counter() - recorded + looked - began)
-                experiment.complete(rows)
-            except InputError as error:
-                return Ending(step, walker.data.time, error)
-            for table, row in zip(tables, rows, strict=True):
-                table.append({**row, "step_us": step_us})
-            if not is_finite(walker.data):
-                return Ending(step, walker.data.time)
-            if (step + 1) % TICK_STEPS == 0 or step + 1 == steps:
-                self._tick(step % TICK_STEPS + 1)
+        recorder, steps = _Recorder(experiment, tables), self._prepared.steps
+        try:
+            for step in walk(recorder, steps):
+                if step > 0 and step % TICK_STEPS == 0:
+                    self._tick(TICK_STEPS)
+        except DiskError:  # no question of the walk: its table cannot be kept
+            raise
+        except InputError as error:
+            return Ending(recorder.taken, recorder.data.time, error)
+        if not is_finite(recorder.data):
+            return Ending(recorder.taken - 1, recorder.data.time)
+        self._tick((steps - 1) % TICK_STEPS + 1)
         return None
+
+
+class _Recorder:
+    """The walker of an experiment, which writes the rows of its steps."""
+
+    def __init__(self, experiment: Experiment, tables: list["_Table"]):
+        self._experiment, self._tables = experiment, tables
+        self._walker = experiment.walker
+        self.data = self._walker.data
+        self.taken = 0
+
+    def look(self) -> None:
+        """As ``Walker``; begins the rows."""
+        began = time.perf_counter()
+        self._walker.look()
+        self._look_s = time.perf_counter() - began
+        self._rows = self._experiment.begin(self.taken)
+
+    def step(self) -> None:
+        """As ``Walker``; completes the rows."""
+        began = time.perf_counter()
+        self._walker.step()
+        step_us = 1e6 * (time.perf_counter() - began + self._look_s)
+        self._experiment.complete(self._rows)
+        for table, row in zip(self._tables, self._rows, strict=True):
+            table.append({**row, "step_us": step_us})
+        self.taken += 1
+
+    def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """As ``Walker``."""
+        return self._walker.mujoco_answer()
 
 
 class _Table:

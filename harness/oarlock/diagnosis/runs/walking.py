@@ -12,6 +12,7 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import coordinates, element_name
+from oarlock.stepping import walkers
 from oarlock.stepping.walkers import MujocoWalker
 
 HUGE = 1e10
@@ -62,14 +63,11 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
     if drive is not None:
         drive.apply(data)
     with nullcontext() if drive is None or constant else drive.installed():
-        walker = MujocoWalker(model, data)
-        for step in range(steps):
-            walker.look()
+        for step in walkers.walk(MujocoWalker(model, data), steps):
             # Written so that NaN fails it too.
             if not (abs(data.qacc).max() < HUGE and abs(data.qvel).max() < HUGE and abs(data.qpos).max() < HUGE):
                 return
             yield step
-            walker.step()
 
 
 def diverged(model: mujoco.MjModel, data: mujoco.MjData) -> End:
