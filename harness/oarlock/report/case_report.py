@@ -16,8 +16,7 @@ from oarlock.report import figures
 from oarlock.report.statements import Compared, statements
 from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES, shown
-from oarlock.tables.folder import ResultFolder
-from oarlock.tables.provenance import OCCASION, occasion_of
+from oarlock.tables.folder import OCCASION, ResultFolder, occasion_of
 
 
 def draw(tables: Tables) -> list[Figure]:
