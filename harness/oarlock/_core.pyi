@@ -20,7 +20,7 @@ class Info:
 
     @property
     def status(self) -> str:
-        """converged, iteration-limit or breakdown."""
+        """converged, iteration-limit, breakdown or inaccurate."""
     @property
     def iterations(self) -> int:
         """Iterations, in the solver's own count; 0 for a direct solver."""
@@ -39,6 +39,9 @@ class Info:
     @property
     def null_residual(self) -> float | None:
         """‖A N‖ / ‖A‖."""
+    @property
+    def margin(self) -> float | None:
+        """How many times the eigenvalue nearest to the rank cut is larger or smaller than that."""
     @property
     def refreshed(self) -> bool:
         """Whether the carried pseudo-inverse was recomputed."""
@@ -87,6 +90,19 @@ class ConstrainedSystem:
 
         Raises:
             InputError: shapes, values that are not finite, R negative.
+        """
+    def hold_rank(self, gap: float, constraints: list[int]) -> None:
+        """Says how far the rows of the next step stand open, and asks to hold the rank along the path.
+
+        Args:
+            gap: largest deviation of a row, as a part of the extent of the mechanism.
+            constraints: number of the constraint that each row belongs to, (n).
+        """
+    def reference(self, solver: MultiplierSolver) -> tuple[_Vector, Info]:
+        """(λ, info) of the step by the direct solver that judges ``solver``.
+
+        Raises:
+            InputError: nothing was assembled, or it has no answer.
         """
     def force(self, multipliers: _Vector) -> _Vector:
         """Jᵀ λ (nv) of λ (n)."""
@@ -164,11 +180,11 @@ class Setup:
     def lockstep(
         self,
         steps: int,
-        questions: list[tuple[str, MultiplierSolver, list[MultiplierSolver]]],
+        questions: list[tuple[str, list[MultiplierSolver]]],
         leader: MultiplierSolver | None = None,
         projector: MultiplierSolver | None = None,
     ) -> Run:
-        """Every question (form, reference, solvers) along the walk of MuJoCo, or of a solver in the hard form."""
+        """Every question (form, solvers) along the walk of MuJoCo, or of a solver in the hard form."""
     def one_step(self, steps: int, asked: list[tuple[str, MultiplierSolver]]) -> Run:
         """From each of MuJoCo's states, one step of every (form, solver)."""
     def bare(self, steps: int) -> Run:
@@ -180,10 +196,9 @@ class Setup:
         steps: int,
         form_name: str,
         solver: MultiplierSolver,
-        reference: MultiplierSolver,
         projector: MultiplierSolver | None = None,
     ) -> Run:
-        """A solver walks alone in a form, held against a reference solver; a projector may end its steps."""
+        """A solver walks alone in a form; a projector may end its steps."""
     def profile(self, steps: int, solver: MultiplierSolver) -> dict[str, Any]:
         """Where the time of a free run on exact constraints goes.
 

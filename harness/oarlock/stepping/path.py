@@ -7,7 +7,7 @@ from typing import Protocol
 from oarlock.base.core import MultiplierSolver
 from oarlock.cases.case_file import Form
 from oarlock.stepping.ending import Ending
-from oarlock.stepping.solvers import RUN_REFERENCE, SolverSpec
+from oarlock.stepping.solvers import SolverSpec
 from oarlock.tables import spool
 from oarlock.tables.schema import SCHEMA
 from oarlock.tables.spool import Spool
@@ -30,9 +30,6 @@ Tables = tuple[list[Spool], Ending | None]
 
 TICK_STEPS = 200
 """Steps between two reports of progress, and between two looks at interruptions."""
-
-REFERENCE_SOLVER = SolverSpec(RUN_REFERENCE)
-"""Whose multipliers count as the minimum-norm ones along a walk."""
 
 SPOOLS: Spools = partial(spool.spools, schema=SCHEMA)
 """Tables in memory; what is too long for it goes where the system keeps temporary files."""
@@ -83,10 +80,6 @@ class Path(Protocol):
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
-        reference: SolverSpec = REFERENCE_SOLVER,
     ) -> Tables:
-        """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form.
-
-        ``reference`` says what the minimum-norm multipliers of a solver's states are, and the rank.
-        """
+        """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form."""
         ...

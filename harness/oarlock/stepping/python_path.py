@@ -17,7 +17,7 @@ from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.prepare import unsolved
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.figures import Row, answered, parity, place, projecting, solving
-from oarlock.stepping.path import REFERENCE_SOLVER, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
+from oarlock.stepping.path import SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Question, SolvedForce
@@ -28,8 +28,8 @@ from oarlock.tables.columns import table_of_rows
 from oarlock.tables.figures import Walk
 from oarlock.tables.spool import Spool
 
-Asked = tuple[Form, MultiplierSolver, list[MultiplierSolver]]
-"""A form, the solver whose multipliers count as the minimum-norm ones, and the solvers held against it."""
+Asked = tuple[Form, list[MultiplierSolver]]
+"""A form, and who answers in it."""
 
 HELD_ROWS = 1000
 """Rows that are kept as dictionaries at most."""
@@ -85,7 +85,7 @@ class PythonPath:
         """As ``Path``."""
         make = self._make
         leader = None if walker.name == MUJOCO else make(walker)
-        asked: list[Asked] = [(form, make(REFERENCE_SOLVER), [make(spec) for spec in solvers]) for form in forms]
+        asked: list[Asked] = [(form, [make(spec) for spec in solvers]) for form in forms]
         experiment = Lockstep(self._prepared, self._terms, leader, projector, asked)
         return self._walk(experiment, len(forms) * len(solvers))
 
@@ -99,13 +99,11 @@ class PythonPath:
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
-        reference: SolverSpec = REFERENCE_SOLVER,
     ) -> Tables:
         """As ``Path``."""
         if form is None:
             return self._walk(FreeMujoco(self._prepared, self._terms))
-        own, other = self._make(solver), self._make(reference)
-        return self._walk(FreeSolved(self._prepared, self._terms, form, own, projector, other))
+        return self._walk(FreeSolved(self._prepared, self._terms, form, self._make(solver), projector))
 
     def _walk(self, experiment: Experiment, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""
@@ -241,7 +239,7 @@ class Lockstep:
         self.walker: Walker = MujocoWalker(model, data)
         if self._force is not None:
             self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
-        self._asked = [(Question(self._state, form), reference, solvers) for form, reference, solvers in asked]
+        self._asked = [(Question(self._state, form), solvers) for form, solvers in asked]
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``, form by form."""
@@ -249,11 +247,11 @@ class Lockstep:
         state.read()
         qacc, qfrc = self.walker.mujoco_answer()
         rows = []
-        for question, reference, solvers in self._asked:
+        for question, solvers in self._asked:
             question.ask()
-            minimum, known = question.solve(reference)
             for solver in solvers:
                 answer = question.answer(solver)
+                minimum, known = question.reference(solver)
                 row = answered(self._prepared, step, state, answer.qacc, answer.multipliers)
                 rows.append({**row, **parity(answer, minimum, qacc, qfrc), **solving([answer.info], known)})
         return rows
@@ -347,7 +345,6 @@ class FreeSolved:
         form: Form,
         solver: MultiplierSolver,
         projector: SolverSpec | None,
-        reference: MultiplierSolver,
     ):
         self._prepared = prepared
         model = unsolved(prepared.model)
@@ -357,13 +354,12 @@ class FreeSolved:
         self._projector = Projector(model, solver=projector) if projector else None
         self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
         self._theirs = Companion(prepared)
-        self._reference = reference
         self._energy = Energy(prepared.model)
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``; its solves are counted when the step is taken."""
         prepared, data = self._prepared, self.walker.data
-        minimum, self._known = self._force.question.solve(self._reference)
+        minimum, self._known = self._force.question.reference(self._force.solver)
         return [
             {
                 **answered(prepared, step, self._state, data.qacc, data.efc_force),

@@ -14,10 +14,6 @@ REFERENCE = "pinv"
 """Solver whose multipliers count as the minimum-norm ones of a single state."""
 
 
-RUN_REFERENCE = "pinv-tracked"
-"""Solver whose multipliers count as the minimum-norm ones along a run; it starts from the last step's eigenvectors."""
-
-
 def solver_names() -> list[str]:
     """Returns the names of the solvers in the registry of the compiled core."""
     return list(core.solvers())

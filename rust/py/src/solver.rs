@@ -15,7 +15,7 @@ use crate::system::ConstrainedSystem;
 /// The figures of one solve; a figure that the solver cannot know is None.
 #[pyclass(frozen, get_all, module = "oarlock._core")]
 pub struct Info {
-    /// converged, iteration-limit or breakdown.
+    /// converged, iteration-limit, breakdown or inaccurate.
     status: &'static str,
     /// Iterations, in the solver's own count; 0 for a direct solver.
     iterations: usize,
@@ -29,6 +29,8 @@ pub struct Info {
     rank: Option<usize>,
     /// ‖A N‖ / ‖A‖.
     null_residual: Option<f64>,
+    /// How many times the eigenvalue nearest to the rank cut is larger or smaller than that.
+    margin: Option<f64>,
     /// Whether the carried pseudo-inverse was recomputed.
     refreshed: bool,
     /// Updates skipped or replaced.
@@ -55,7 +57,7 @@ impl Info {
 }
 
 impl Info {
-    fn new(info: core::Info, elapsed: Duration) -> Self {
+    pub fn new(info: core::Info, elapsed: Duration) -> Self {
         Self {
             status: info.status.name(),
             iterations: info.iterations,
@@ -64,6 +66,7 @@ impl Info {
             inconsistency: info.inconsistency,
             rank: info.rank,
             null_residual: info.null_residual,
+            margin: info.margin,
             refreshed: info.refreshed,
             fallbacks: info.fallbacks,
             folded: info.folded,
@@ -91,7 +94,10 @@ fn solve<'py>(
     let mut x = vec![0.0; system.len()];
     let (info, elapsed) = py.detach(|| {
         let start = Instant::now();
-        (system.solve(solver, wanted, &mut x), start.elapsed())
+        let solved = system.solve_unchecked(solver, wanted, &mut x);
+        let elapsed = start.elapsed();
+        let checked = solved.and_then(|mut info| system.check(solver, &x, &mut info).map(|()| info));
+        (checked, elapsed)
     });
     Ok((x.into_pyarray(py), Info::new(info.map_err(input_error)?, elapsed)))
 }

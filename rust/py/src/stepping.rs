@@ -119,21 +119,21 @@ impl Setup {
         Run::of(py, experiments::calibration(&self.inner, steps))
     }
 
-    /// Every question (form, reference solver, solvers) along the walk of MuJoCo, or of a solver in the hard form, whose steps
+    /// Every question (form, solvers) along the walk of MuJoCo, or of a solver in the hard form, whose steps
     /// a projector with a solver of its own may end.
     #[pyo3(signature = (steps, questions, leader=None, projector=None))]
     fn lockstep(
         &self,
         py: Python<'_>,
         steps: usize,
-        questions: Vec<(String, SolverRef<'_>, Vec<SolverRef<'_>>)>,
+        questions: Vec<(String, Vec<SolverRef<'_>>)>,
         leader: Option<SolverRef<'_>>,
         projector: Option<SolverRef<'_>>,
     ) -> PyResult<Run> {
         let leader = leader.map(|solver| (fresh(&solver), self.projector(projector.as_deref())));
-        let asked = questions.iter().map(|(name, reference, solvers)| {
-            Ok((form(name)?, fresh(reference), solvers.iter().map(|solver| fresh(solver)).collect()))
-        });
+        let asked = questions
+            .iter()
+            .map(|(name, solvers)| Ok((form(name)?, solvers.iter().map(|solver| fresh(solver)).collect())));
         Run::of(py, experiments::lockstep(&self.inner, leader, asked.collect::<PyResult<_>>()?, steps))
     }
 
@@ -153,22 +153,18 @@ impl Setup {
         Run::of(py, experiments::free_mujoco(&self.inner, steps))
     }
 
-    /// A solver walks alone in a form, held against a reference solver; a projector may end its steps.
-    #[pyo3(signature = (steps, form_name, solver, reference, projector=None))]
+    /// A solver walks alone in a form; a projector may end its steps.
+    #[pyo3(signature = (steps, form_name, solver, projector=None))]
     fn free_solved(
         &self,
         py: Python<'_>,
         steps: usize,
         form_name: &str,
         solver: SolverRef<'_>,
-        reference: SolverRef<'_>,
         projector: Option<SolverRef<'_>>,
     ) -> PyResult<Run> {
         let (form, projector) = (form(form_name)?, self.projector(projector.as_deref()));
-        Run::of(
-            py,
-            experiments::free_solved(&self.inner, form, fresh(&solver), projector, fresh(&reference), steps),
-        )
+        Run::of(py, experiments::free_solved(&self.inner, form, fresh(&solver), projector, steps))
     }
 
     /// Where the time of a free run on exact constraints goes, as a dictionary: parts, by the order of a step, {part: (time in

@@ -1,10 +1,13 @@
 //! `ConstrainedSystem` for Python.
 
+use std::time::Duration;
+
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use oarlock_core as core;
 use pyo3::prelude::*;
 
 use crate::convert::{input_error, matrix, vector};
+use crate::solver::{Info, MultiplierSolver};
 
 /// A λ = b of one step: A = J M⁻¹ Jᵀ (+ R), b = aref − J M⁻¹ f. Make one and assemble it anew every step.
 #[pyclass(module = "oarlock._core")]
@@ -81,6 +84,23 @@ impl ConstrainedSystem {
             }
         };
         py.detach(|| inner.assemble_factored(&step, &mut whiten)).map_err(input_error)
+    }
+
+    /// Says how far the rows of the next step stand open, as a part of the extent of the mechanism, and asks to hold the rank
+    /// along the path; `constraints` (n) are the numbers of the constraints that its rows belong to.
+    fn hold_rank(&mut self, gap: f64, constraints: Vec<usize>) {
+        self.inner.hold_rank(gap);
+        self.inner.set_constraints(constraints.into_iter());
+    }
+
+    /// (λ, info) by the direct solver that judges `solver`.
+    fn reference<'py>(
+        &mut self,
+        py: Python<'py>,
+        solver: &MultiplierSolver,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Info)> {
+        let (multipliers, info) = self.inner.reference(&*solver.inner).map_err(input_error)?;
+        Ok((PyArray1::from_slice(py, multipliers), Info::new(*info, Duration::ZERO)))
     }
 
     /// Jᵀ λ (nv) of λ (n).

@@ -3,12 +3,12 @@
 use std::mem;
 use std::sync::Arc;
 
-use oarlock_core::Status;
+use oarlock_core::{Info, Status};
 
 use super::Solver;
 use super::common::{Companion, MujocoWalker, projecting};
 use crate::error::Error;
-use crate::force::{Reference, SolvedForce, Tally};
+use crate::force::{SolvedForce, Tally};
 use crate::library::Data;
 use crate::projection::Projector;
 use crate::run::{Experiment, Notes, Run, Setup, Snapshot};
@@ -123,7 +123,8 @@ impl Experiment for Bare {
 struct FreeSolved {
     walker: ForcedWalker<SolvedForce>,
     theirs: Companion,
-    reference: Reference,
+    /// What is known of the question of the step.
+    known: Info,
     notes: Notes,
     steps: Steps,
 }
@@ -137,7 +138,6 @@ pub fn free_solved(
     form: Form,
     solver: Solver,
     projector: Option<Projector>,
-    reference: Solver,
     steps: usize,
 ) -> Result<Run, Error> {
     let nv = setup.model.nv();
@@ -146,7 +146,7 @@ pub fn free_solved(
     let experiment = FreeSolved {
         walker: ForcedWalker::new(own.data()?, own.drive, force, projector)?,
         theirs: Companion::new(setup)?,
-        reference: Reference::new(reference),
+        known: Info::trivial(0.0),
         notes: Notes::new(setup),
         steps: Steps::default(),
     };
@@ -155,7 +155,7 @@ pub fn free_solved(
 
 impl Experiment for FreeSolved {
     fn unrecorded(&mut self) {
-        self.walker.force.answer.timed = false;
+        self.walker.force.answer.recorded = false;
     }
 
     fn look(&mut self) -> Result<(), Error> {
@@ -164,13 +164,14 @@ impl Experiment for FreeSolved {
     }
 
     fn record(&mut self, step: usize) -> Result<(), Error> {
-        let Self { walker, theirs, reference, notes, steps } = self;
+        let Self { walker, theirs, known, notes, steps } = self;
         let (data, force) = (&mut walker.data, &mut walker.force);
         notes.state(steps, step, data, &force.state, data.qacc());
         theirs.compare(steps, data.qpos())?;
         notes.free(steps, step, data)?;
-        reference.ask(&mut force.system)?;
-        steps.float("min_norm_error", relative_difference(&force.answer.multipliers, &reference.multipliers));
+        let (multipliers, info) = force.system.reference(&*force.solver)?;
+        steps.float("min_norm_error", relative_difference(&force.answer.multipliers, multipliers));
+        *known = *info;
         Ok(())
     }
 
@@ -179,7 +180,7 @@ impl Experiment for FreeSolved {
     }
 
     fn finish(&mut self, step_us: f64) -> Result<(), Error> {
-        mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.reference.info);
+        mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.known);
         projecting(&mut self.steps, self.walker.projector.as_ref());
         self.steps.float("step_us", step_us);
         Ok(())
