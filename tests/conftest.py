@@ -43,7 +43,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def boat_run(tmp_path_factory: pytest.TempPathFactory) -> BoatRun:
-    """The whole case of the boat: 31 runs of 12 s."""
+    """The whole case of the boat: 46 runs of 12 s."""
     folder = tmp_path_factory.mktemp("whole") / "boat"
     arguments = [COMMAND, "run", "boat", "--out", folder, "--json", "-"]
     done = subprocess.run(arguments, capture_output=True, encoding="utf-8", timeout=600, check=False)

@@ -66,6 +66,12 @@ def ratio(column: str, over: str) -> Reduction:
     return Reduction((pl.col(column).sum(), pl.col(over).sum()), _over)
 
 
+def slope(column: str, over: str, where: pl.Expr) -> Reduction:
+    """How much more of a whole number one more of another takes, by least squares over the steps where it is so."""
+    x, y = (pl.col(name).filter(where & pl.col(column).is_not_null()) for name in (over, column))
+    return Reduction((x.len(), x.sum(), y.sum(), (x * x).sum(), (x * y).sum()), _slope)
+
+
 def mean(column: str) -> Reduction:
     """The mean of the steps that have it."""
     return Reduction((pl.col(column).sum(), pl.col(column).count()), _over)
@@ -112,3 +118,8 @@ def change(column: str, scale: str) -> Alone:
 
 def _over(found: float, count: float) -> float | None:
     return found / count if count else None
+
+
+def _slope(count: int, x: int, y: int, xx: int, xy: int) -> float | None:
+    spread = count * xx - x * x
+    return (count * xy - x * y) / spread if spread else None

@@ -173,7 +173,8 @@ impl Blocks {
             Some(held) if rank <= held => rank,
             held => {
                 let explained = self.explained(rank_cut);
-                let standing = above(if held.is_none() { explained.min(AT_START.max(rank_cut)) } else { explained });
+                let standing =
+                    above(if held.is_none() { explained.min(AT_START.max(rank_cut)) } else { explained });
                 let rank = standing.max(held.unwrap_or(0));
                 self.risen |= held.is_some_and(|held| rank > held);
                 self.held[block] = Some(rank);
