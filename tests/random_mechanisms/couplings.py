@@ -18,6 +18,11 @@ def _ratio(rng: np.random.Generator, powers: float = LARGEST_RATIO) -> float:
     return float(rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(0, powers))
 
 
+def _per_metre(rng: np.random.Generator) -> float:
+    """rad a metre, of a lead screw."""
+    return 2.0 * np.pi / float(np.exp(rng.uniform(*np.log(LEADS))))
+
+
 def _pendulum(group: Group) -> str:
     place = group.rng.uniform(-1, 1, 3)
     return group.body(place, place + 0.3 * direction(group.rng), [("hinge", direction(group.rng))]).joints[0][0]
@@ -60,7 +65,7 @@ def train(group: Group) -> None:
 def screw(group: Group) -> None:
     """A screw and its nut, which may carry a pendulum."""
     rng, group.kind, group.known_rank = group.rng, "screw", 1
-    per_metre = 2.0 * np.pi / float(np.exp(rng.uniform(*np.log(LEADS))))
+    per_metre = _per_metre(rng)
     turning, place, axis = _rotor(group), rng.uniform(-1, 1, 3), direction(rng)
     nut = group.body(place, place + 0.05 * axis, [("slide", axis)])
     if rng.random() < 0.4:
@@ -78,18 +83,21 @@ def lock(group: Group) -> None:
 
 
 def servo(group: Group) -> None:
-    """A loop with a light rotor geared to one of its hinges."""
+    """A loop with a light rotor geared to one of its hinges, or screwed to one of its slides."""
     rng = group.rng
     (planar if rng.random() < 0.7 else spatial)(group)
     group.kind = f"servo {group.kind}"
-    bodies, hinges = list(group.roots), []
+    bodies, driven = list(group.roots), []
     while bodies:
         body = bodies.pop()
-        hinges += [name for name, kind, _ in body.joints if kind == "hinge"]
+        driven += [(name, kind) for name, kind, _ in body.joints if kind in ("hinge", "slide")]
         bodies += body.children
-    if hinges:
-        group.couple(_rotor(group), str(rng.choice(hinges)), _ratio(rng))
-    group.known_rank = group.known_rank + 1 if group.known_rank is not None and hinges else group.known_rank
+    if not driven:
+        return
+    name, kind = driven[rng.integers(len(driven))]
+    group.couple(_rotor(group), name, _ratio(rng) if kind == "hinge" else _per_metre(rng))
+    if group.known_rank is not None:
+        group.known_rank += 1
 
 
 COUPLINGS: dict[Callable[[Group], None], float] = {gear: 0.25, train: 0.15, screw: 0.3, lock: 0.05, servo: 0.25}

@@ -27,7 +27,7 @@ def _arm(group: Group, base: Body | None, points: list[np.ndarray], joints: list
 
 
 def planar(group: Group) -> None:
-    """Hinges of one direction: two arms whose ends are joined; n bars and the ground or a base."""
+    """Hinges of one direction, and slides across it: two arms whose ends are joined, on the ground or on a base."""
     rng, group.kind = group.rng, "planar"
     frame = np.eye(3)[:, rng.permutation(3)] if rng.random() < 0.3 else turned(rng)
     origin = rng.uniform(-1, 1, 3)
@@ -47,9 +47,15 @@ def planar(group: Group) -> None:
         bent[1:-1] += rng.uniform(0.1, 0.3, (count - 1, 2)) * rng.choice([-1.0, 1.0], (count - 1, 2))
         return [point(*place) for place in bent]
 
-    hinge: Joint = ("hinge", frame[:, 2])
-    arm = _arm(group, base, between(np.zeros(2), left), [hinge] * left)
-    other = _arm(group, base, between(np.array([rng.uniform(0.5, 0.9), 0.0]), right), [hinge] * right) if right else []
+    def joints(count: int) -> list[Joint]:
+        sliding = rng.random(count) < 0.1
+        across = [np.cos(angle) * frame[:, 0] + np.sin(angle) * frame[:, 1] for angle in rng.uniform(0, 6, count)]
+        return [
+            ("slide", axis) if slides else ("hinge", frame[:, 2]) for slides, axis in zip(sliding, across, strict=True)
+        ]
+
+    arm = _arm(group, base, between(np.zeros(2), left), joints(left))
+    other = _arm(group, base, between(np.array([rng.uniform(0.5, 0.9), 0.0]), right), joints(right)) if right else []
     ends, joined, count = (arm[-1], other[-1] if other else base), point(*tip), left + right
     way = rng.choice(["connect", "double", "two", "weld"], p=[0.5, 0.15, 0.15, 0.2])
     group.kind += f" {way}"
@@ -61,7 +67,8 @@ def planar(group: Group) -> None:
         group.connect(*ends, joined)
     if way == "two":
         group.connect(*ends, point(*(tip + rng.uniform(0.05, 0.2, 2))))
-    group.known_rank = min(count, 3 if way in ("weld", "two") else 2)
+    if all(kind == "hinge" for body in (*arm, *other) for _, kind, _ in body.joints):
+        group.known_rank = min(count, 3 if way in ("weld", "two") else 2)
 
 
 def parallel_cranks(group: Group) -> None:
@@ -78,6 +85,31 @@ def parallel_cranks(group: Group) -> None:
     for foot, crank in zip(feet[1:], cranks[1:], strict=True):
         group.connect(platform, crank, foot + bar)
     group.known_rank = count
+
+
+def bennett(group: Group) -> None:
+    """Bennett's linkage: four skew hinges that move because a / sin α = b / sin β, and would not otherwise.
+
+    tan θ₁/2 tan θ₂/2 = sin (β + α)/2 / sin (β − α)/2, and θ₃ = −θ₁, θ₄ = −θ₂ (Bennett 1903).
+    """
+    rng, group.kind, group.known_rank = group.rng, "bennett", 2
+    alpha, beta = rng.uniform(0.4, 0.9), rng.uniform(1.2, 2.0)
+    lengths = 0.4 * np.sin([alpha, beta])
+    first = rng.uniform(0.8, 2.2)
+    second = 2.0 * np.arctan(np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2) / np.tan(first / 2))
+    frame, place = turned(rng), rng.uniform(-1, 1, 3)
+    base = _mount(group, place)
+    places, axes = [place], [frame[:, 2]]
+    for turn, length, twist in zip((first, second, -first), lengths[[0, 1, 0]], (alpha, beta, alpha), strict=True):
+        x, y, z = frame.T
+        x, y = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x
+        place = place + length * x
+        frame = np.stack([x, np.cos(twist) * y + np.sin(twist) * z, np.cos(twist) * z - np.sin(twist) * y], axis=1)
+        places.append(place)
+        axes.append(frame[:, 2])
+    arm = _arm(group, base, places, [("hinge", axis) for axis in axes[:3]])
+    for along in (0.0, 0.2):
+        group.connect(arm[-1], base, places[3] + along * axes[3])
 
 
 def spatial(group: Group) -> None:
@@ -124,5 +156,11 @@ def pallet(group: Group) -> None:
     group.known_rank = 6
 
 
-LOOPS: dict[Callable[[Group], None], float] = {planar: 0.5, parallel_cranks: 0.1, spatial: 0.35, pallet: 0.05}
+LOOPS: dict[Callable[[Group], None], float] = {
+    planar: 0.45,
+    parallel_cranks: 0.1,
+    bennett: 0.05,
+    spatial: 0.35,
+    pallet: 0.05,
+}
 """Kind of loop → how often."""

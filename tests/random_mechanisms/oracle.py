@@ -5,6 +5,7 @@ space of its A = J M⁻¹ Jᵀ + R is spanned by the eigenvectors of its n − r
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -14,7 +15,10 @@ _DIGITS = 60
 _mp = mpmath.MPContext()
 _mp.dps = _DIGITS
 
-Row = list[mpmath.mpf]
+Number = Any
+"""A number of so many digits: mpmath's own types do not say that a real product is real."""
+
+Row = list[Number]
 
 
 @dataclass(frozen=True)
@@ -83,12 +87,12 @@ def exact(
     )
 
 
-def _rows(values: np.ndarray) -> list:
+def _rows(values: np.ndarray) -> list[Any]:
     """An array as lists of numbers of many digits, each that of its double."""
     return [_rows(value) if isinstance(value, np.ndarray) else _mp.mpf(float(value)) for value in values]
 
 
-def _dot(one: Row, other: Row) -> mpmath.mpf:
+def _dot(one: Row, other: Row) -> Number:
     return _mp.fdot(one, other)
 
 

@@ -90,7 +90,7 @@ class Group:
         """Adds a body from ``place`` to ``end`` (m) with joints ``(type, axis)`` at its place; its mass is drawn."""
         rng = self.rng
         if mass is None:
-            mass = self._heaviest * 10.0 ** -rng.uniform(0, self.spread)
+            mass = float(self._heaviest * 10.0 ** -rng.uniform(0, self.spread))
         length = max(float(np.linalg.norm(end - place)), 0.05)
         centre = place + rng.uniform(0.3, 0.7) * (end - place) + rng.normal(scale=0.05 * length, size=3)
         inertia = mass * length**2 * rng.uniform(0.06, 0.1, size=3)
