@@ -9,6 +9,8 @@ from random_mechanisms.judge import FREE, Judgement, Verdict, judge
 from random_mechanisms.oracle import exact
 from tolerances import EXACT_DRIFT
 
+pytestmark = pytest.mark.xdist_group("random mechanisms")  # one worker walks them, for all tests
+
 FEW, MANY = 16, 1200
 """Mechanisms."""
 
