@@ -117,6 +117,13 @@ impl Blocks {
         self.gap.is_some() && self.held.iter().any(Option::is_none)
     }
 
+    /// Tells whether the rank of a block is held already: then the cut decides of what is kept only, and not of what is
+    /// dropped.
+    #[must_use]
+    pub fn holds(&self, block: usize) -> bool {
+        self.gap.is_some() && self.held[block].is_some()
+    }
+
     /// Tells whether a held rank rose in this step.
     #[must_use]
     pub const fn has_risen(&self) -> bool {

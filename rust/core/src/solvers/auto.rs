@@ -38,8 +38,11 @@ fn is_certain(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> bool {
 
 /// How far pivots lie from the cut, as eigenvalues do in [`Info::margin`].
 fn margin(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> f64 {
+    let kept = found.last / (rank_cut * problem.trace());
     let left = found.left(problem.len()).max(f64::MIN_POSITIVE);
-    (found.last / (rank_cut * problem.trace())).min(rank_cut * problem.least_diagonal() / left)
+    let blocks = problem.blocks();
+    let held = (0..blocks.len()).all(|block| blocks.holds(block));
+    if held { kept } else { kept.min(rank_cut * problem.least_diagonal() / left) }
 }
 
 /// Parameters of [`Auto`].

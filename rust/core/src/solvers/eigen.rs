@@ -179,12 +179,13 @@ impl SymmetricEigen {
         {
             self.raw.symmetric(n, matrix, &mut self.vectors, &mut self.values)?;
             check_semidefinite(&self.values)?;
+            let held = blocks.holds(0);
             self.rank = blocks.decide(0, &self.values, rank_cut, 0.0);
             let null = n - self.rank;
             if self.rank == 0 || self.values[null] > ILL * self.values[n - 1] {
                 self.dropped = largest(&self.values[..null]);
                 self.least = self.values.get(null).copied().unwrap_or(0.0);
-                self.margin = margin(&self.values, null, rank_cut);
+                self.margin = margin(&self.values, null, rank_cut, held);
                 return Ok(());
             }
         }
@@ -244,8 +245,9 @@ impl SymmetricEigen {
         }
         // A block that is scaled is measured in its own units.
         let unit = self.scales.iter().fold(f64::INFINITY, |unit, scale| unit.min(scale * scale));
+        let held = blocks.holds(block);
         let rank = blocks.decide(block, values, rank_cut, most * unit);
-        Ok((rank, margin(values, size - rank, rank_cut)))
+        Ok((rank, margin(values, size - rank, rank_cut, held)))
     }
 
     /// Gathers the rows at hand of A, or of W with R below it, into `part`, scaled by D or as they are.
@@ -399,16 +401,13 @@ fn power_of_two_near_inverse_root(entry: f64) -> f64 {
     if entry > f64::MIN_POSITIVE { (-0.5 * entry.log2()).round().exp2() } else { 1.0 }
 }
 
-/// How many times the value nearest to the cut is larger or smaller than that, of those that the cut tells apart; the first
-/// `null` are dropped.
-fn margin(values: &[f64], null: usize, rank_cut: f64) -> f64 {
+/// How many times the value nearest to the cut is larger or smaller than that, of those that the cut decides of: the first `null`
+/// are dropped, by what is held or by the cut.
+fn margin(values: &[f64], null: usize, rank_cut: f64, held: bool) -> f64 {
     let cut = rank_cut * largest(values);
     let kept = values[null..].iter().fold(f64::INFINITY, |least, value| least.min(value / cut));
-    let dropped = values[..null]
-        .iter()
-        .filter(|&&value| value <= cut)
-        .fold(0.0_f64, |most, value| most.max(value / cut));
-    kept.min(dropped.max(f64::MIN_POSITIVE).recip())
+    let dropped = values[..null].iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value / cut));
+    if held { kept } else { kept.min(dropped.recip()) }
 }
 
 fn check_semidefinite(values: &[f64]) -> Result<(), Error> {

@@ -162,7 +162,7 @@ impl CarriedEigen {
         let scale = largest(&eigen.values);
         let least = kept.iter().fold(f64::INFINITY, |least, &value| least.min(value));
         let told = dropped.iter().all(|&value| value < least && value >= -SEMIDEFINITE_TOLERANCE * scale);
-        eigen.margin = margin(&eigen.values, null, rank_cut);
+        eigen.margin = margin(&eigen.values, null, rank_cut, blocks.holds(0));
         eigen.least = if least.is_finite() { least } else { 0.0 };
         // Of small ones the refinement has fewer digits than Jacobi's rotations.
         told && least > ILL * scale && blocks.decide(0, &eigen.values, rank_cut, 0.0) == eigen.rank
