@@ -52,7 +52,7 @@ class Question:
         return solver.solve_system(self._inertia.system)
 
     def reference(self, solver: core.MultiplierSolver) -> tuple[np.ndarray, core.Info]:
-        """The minimum-norm multipliers λ (ne) by the direct solver that judges ``solver``, and what is known of them."""
+        """The minimum-norm multipliers λ (ne) by the direct solver that judges ``solver``, and what it reports."""
         return self._inertia.system.reference(solver)
 
     def answer(self, solver: core.MultiplierSolver) -> Answer:

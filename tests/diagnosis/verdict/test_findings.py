@@ -31,6 +31,7 @@ NAMES = {
     "L5": "rank-change",
     "L6": "inactive",
     "L7": "redundant",
+    "L8": "doubtful-rank",
     "S1": "inconsistent-start",
     "S2": "cannot-close",
     "S3": "locked",

@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import pytest
 from gallery import looked_at
+from mechanisms import four_bar, write_model
 from oarlock import InputError
 from oarlock.diagnosis.examination import begin
 from oarlock.diagnosis.loops.gaps import Opening
@@ -165,6 +166,16 @@ def test_a_tilted_hinge_locks():
     one = only(as_it_is("tilted_hinge.xml")[1], "S3")
     assert one.severity == "error"
     assert "the axis of 'rocker' is tilted by 0.0349 rad" in one.line
+
+
+@pytest.mark.parametrize(("tilt", "doubtful"), [(0.0, False), (3e-9, False), (2e-5, True), (1e-4, True)])
+def test_a_rank_that_hangs_on_a_small_tilt_is_doubtful(tmp_path, tilt, doubtful):
+    tilted = four_bar(rocker=f'axis="0 1 {tilt}"')
+    doubts = of(judge(examined(write_model(tmp_path, tilted))), "L8")
+    assert bool(doubts) == doubtful
+    if doubtful:
+        assert doubts[0].element == "pin"
+        assert f"the axis of 'rocker' is tilted by {tilt:.3g} rad" in doubts[0].line
 
 
 def test_cranks_lock_that_are_a_little_off():

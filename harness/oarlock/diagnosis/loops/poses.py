@@ -45,7 +45,7 @@ class ClosedPose:
         culprits: where it is not closed.
         loops: the loops at ``qpos``.
         mobility: of every group, where closed.
-        tilts: of loops that are not closed or locked.
+        tilts: of loops that are not closed, locked, or of a doubtful rank.
     """
 
     closed: bool
@@ -120,6 +120,7 @@ def nearest_closed(
     culprits = () if closed else find_culprits(assembly, given, loops, left)
     mobility = find_mobility(assembly, loops) if closed else ()
     stuck = {name for one in mobility if one.locked for name in one.equalities}
+    stuck |= {name for group in loops.groups if group.spectrum.doubtful for name in group.equalities}
     suspect = stuck if closed else {name for one in culprits for name in one.equalities}
     return ClosedPose(
         closed=closed,

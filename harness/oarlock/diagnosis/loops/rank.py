@@ -20,6 +20,12 @@ digits of a file make of it is 1e-6; with this floor the second counts as redund
 NEAR_SINGULAR = 1e-3
 """A smallest kept singular value below this, or a gap of less than its inverse, makes a rank doubtful."""
 
+CUT = 1e-5
+"""What the solvers of the exact solution take for zero: its square is their cut on the eigenvalues of A."""
+
+NEAR = 100.0
+"""Within this factor of the cut it is the cut that decides: 1e4 in eigenvalues."""
+
 
 @dataclass(frozen=True)
 class Spectrum:
@@ -44,6 +50,11 @@ class Spectrum:
     def near_singular(self) -> bool:
         """Whether a small change of the pose or of a length may change the rank."""
         return self.rank > 0 and (self.kept < NEAR_SINGULAR or self.gap < 1.0 / NEAR_SINGULAR)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether a singular value lies within ``NEAR`` of the cut, so that the cut decides whether its row counts."""
+        return self.rank > 0 and (self.kept < NEAR * CUT or self.dropped > CUT / NEAR)
 
 
 def ranks(sigma: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.assembly import CONSISTENT
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
+from oarlock.diagnosis.loops.rank import CUT, NEAR
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.verdict import blame
 from oarlock.diagnosis.verdict.blame import in_words, merged
@@ -93,6 +94,7 @@ def _loops(exam: Examination) -> Iterator[Finding]:
             yield found(
                 "L4", file, f"the same is said by {said}{more}", element=pairs[0].equalities[0], pairs=len(pairs)
             )
+        yield from _doubtful(exam, group)
         if every:
             continue
         own = [loop.name for loop in loops.loops if loop.group == number and loop.removable]
@@ -109,6 +111,20 @@ def _zero(rows: tuple[str, ...], count: int, planar: bool) -> str:
     plane = ", across the plane of its loop" if planar and len(rows) == 1 else ""
     holds = f"its row {rows[0]} holds" if len(rows) == 1 else f"its rows {', '.join(rows)} hold"
     return f"{holds} nothing{plane}"
+
+
+def _doubtful(exam: Examination, group: Group) -> Iterator[Finding]:
+    """A rank that hangs on the cut, with the axes that are off by about as much."""
+    spectrum = group.spectrum
+    if not spectrum.doubtful or exam.pose is None:
+        return
+    what, value = ("zero", spectrum.dropped) if spectrum.dropped > CUT / NEAR else ("one that counts", spectrum.kept)
+    said = f"rank {group.rank} takes a singular value of {value:.2g} of the largest for {what}"
+    tilts = [f"the axis of '{one.joint}' is tilted by {one.radians:.3g} rad" for one in exam.pose.tilts]
+    names = group.equalities
+    yield found(
+        "L8", exam.file, "; ".join([said, *tilts]), element=names[0], also=list(names[1:]), singular_value=value
+    )
 
 
 def _dependent(exam: Examination, group: Group, removable: set[str]) -> Iterator[Finding]:
