@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from mechanisms import INTEGRATORS, boat_copy, four_bar, frames_of, only, relative, write_model
-from oarlock import InputError, run
+from oarlock import InputError, RunOptions, run
 from tolerances import (
     CALIBRATION,
     ENERGY_DRIFT,
@@ -196,7 +196,8 @@ def test_stiff_baumgarte_diverges(tmp_path):
     """k dt² = 100 is far beyond the stability of any explicit method."""
     toml = 'title = "stiff"\nstart.qpos.crank = 1.0\nbaumgarte = {beta = 1000.0, k = 2.5e7}\nrun.duration_s = 2.0'
     path = write_model(tmp_path, four_bar(), toml)
-    results = run(path, mode="free", solver=["pinv", "mujoco"], form="hard", integrator="euler", timestep=2e-3)
+    asked = RunOptions(mode="free", solver=["pinv", "mujoco"], form="hard", integrator="euler", timestep=2e-3)
+    results = run(path, asked, stabilisation="baumgarte")
     assert only(results.rows, mode="free", solver="mujoco")["status"] == "done"
     assert only(results.rows, mode="free", solver="pinv")["status"] == "diverged"
 

@@ -36,7 +36,8 @@ class RunDefaults(_Table):
 
     Attributes:
         stabilisation: how exact constraints are kept from drifting: ``baumgarte`` (terms in the accelerations),
-            ``projection`` (no such terms; positions and velocities are projected after every step) or ``both``.
+            ``projection`` (no such terms; positions and velocities are projected after every step) or ``both``. None:
+            projection where a solver walks; along other walks, where nothing can be projected, Baumgarte's terms.
         ignore_inequalities: whether to switch off the model's contacts, limits and friction, for MuJoCo as well.
             Otherwise a run in which one becomes active is refused.
     """
@@ -44,7 +45,7 @@ class RunDefaults(_Table):
     duration_s: Positive = 10.0
     timestep_s: Positive | None = None  # None: the model's own
     integrator: IntegratorName = "rk4"
-    stabilisation: Stabilisation = "baumgarte"
+    stabilisation: Stabilisation | None = None
     ignore_inequalities: Annotated[bool, Field(strict=True)] = False
 
 

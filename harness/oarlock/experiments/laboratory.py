@@ -134,7 +134,7 @@ class Laboratory:
         return bool(refusal)
 
     def _path(self, task: Task, setup: PreparedCase) -> SteppingPath:
-        terms = Baumgarte() if task.stabilisation == "projection" else self.case.file.baumgarte
+        terms = Baumgarte() if task.held_by == "projection" else self.case.file.baumgarte
         kind = PythonPath if self._on_python() else NativePath
         return kind(setup, terms, self._make, self._tick, self._spools)
 
