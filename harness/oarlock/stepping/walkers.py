@@ -127,17 +127,20 @@ class ForcedWalker:
     def step(self) -> None:
         """MuJoCo's Euler or implicit step, or the Runge–Kutta step of order four; then the projection.
 
-        A projection may move the state about as far as the step itself did; more is refused, and noted in its status.
+        A projection may move the state about as far as the steps did since rows were last closed; more is refused, and
+        noted in its status. How far is h max|v| + h² max|a|: at a turning point the velocities say nothing, and what a
+        step leaves open there is of the order of h² a.
         """
         integrate = self._runge_kutta if self._staged else partial(self._function, self.model, self.data)
         if self._projector is None:
             integrate()
             return
-        fastest = np.abs(self.data.qvel).max()
+        step = self.model.opt.timestep
+        fastest, hardest = np.abs(self.data.qvel).max(), np.abs(self.data.qacc).max()
         integrate()
         if is_finite(self.data):
             fastest = max(fastest, np.abs(self.data.qvel).max())
-            self._projector.project(self.data, trust=self.model.opt.timestep * float(fastest))
+            self._projector.project(self.data, gone=step * float(fastest) + step * step * float(hardest))
 
     def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
         """What MuJoCo's solver says here; our own force is put back afterwards."""

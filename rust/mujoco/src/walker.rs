@@ -57,12 +57,14 @@ impl<F: ForceLaw> ForcedWalker<F> {
 
     /// MuJoCo's Euler or implicit step, or the Runge–Kutta step of order four; then the projection.
     ///
-    /// A projection may move the state about as far as the step itself did; more is refused, and noted in its landing.
+    /// A projection may move the state about as far as the steps did since rows were last closed; more is refused, and noted in
+    /// its landing. How far is h max|v| + h² max|a|: at a turning point the velocities say nothing, and what a step leaves open
+    /// there is of the order of h² a.
     ///
     /// # Errors
     /// What the stages, the force law or the projection say.
     pub fn step(&mut self) -> Result<(), Error> {
-        let before = largest(self.data.qvel());
+        let (before, hardest) = (largest(self.data.qvel()), largest(self.data.qacc()));
         if self.data.model().is_staged() {
             self.runge_kutta()?;
         } else {
@@ -72,8 +74,8 @@ impl<F: ForceLaw> ForcedWalker<F> {
             && is_finite(&self.data)
         {
             let fastest = before.max(largest(self.data.qvel()));
-            let trust = self.data.model().timestep() * fastest;
-            projector.project(&mut self.data, trust)?;
+            let step = self.data.model().timestep();
+            projector.project(&mut self.data, step * fastest + step * step * hardest)?;
         }
         Ok(())
     }
