@@ -327,7 +327,7 @@ LIFT = """<mujoco>
 
 @pytest.mark.parametrize("stepping", ["native", "python"])
 def test_a_turning_point_does_not_end_projection(tmp_path, stepping):
-    """The arms turn back with next to no velocity before and after a step of 10 ms, which opens the loop all the same."""
+    """The arms turn back with next to no velocity before and after a step of 10 ms, which opens the loop anyway."""
     toml = 'title = "lift"\nrun.duration_s = 2.0\ndrive.ctrl.lift = "-1.0"'
     path = write_model(tmp_path, LIFT, toml)
     asked = RunOptions(mode="free", form="hard", solver="auto", integrator="implicitfast", timestep=0.01)

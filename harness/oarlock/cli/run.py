@@ -16,7 +16,7 @@ from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, end
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
-from oarlock.experiments.outcome import COLUMNS, Results, ending
+from oarlock.experiments.outcome import COLUMNS, Results, ending, glance
 from oarlock.render.folder import CONTENTS, require_report
 
 
@@ -25,7 +25,7 @@ def _print_summary(results: Results) -> None:
     for title in COLUMNS.values():
         table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
     for row in results.rows:
-        table.add_row(*(short(row[name]) for name in COLUMNS))
+        table.add_row(*map(short, glance(row)))
     console().print(table)
 
 

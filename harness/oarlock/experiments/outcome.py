@@ -25,6 +25,12 @@ COLUMNS = {
 """Figure of the summary → title, of what is shown of a run at a glance."""
 
 
+def glance(row: dict[str, Any]) -> list[Any]:
+    """What ``COLUMNS`` show of a row of the summary: of a run that diverged no figures, for they prove nothing."""
+    lost = row["status"] == "diverged"
+    return [None if lost and name not in ("run", "status") else row[name] for name in COLUMNS]
+
+
 @dataclass
 class Results(Answer):
     """What a run gave.
@@ -116,7 +122,7 @@ class Results(Answer):
         held = sum(verdict.held is True for verdict in self.verdicts)
         failed = [f"gate failed: {verdict.line()}" for verdict in self.failures]
         head = f"{self.case.name}: {len(self.rows)} runs; {held} gates hold, {len(failed)} do not"
-        return html_table(head, list(COLUMNS.values()), [[row[name] for name in COLUMNS] for row in self.rows], failed)
+        return html_table(head, list(COLUMNS.values()), [glance(row) for row in self.rows], failed)
 
 
 def ending(row: dict[str, Any]) -> str:

@@ -30,8 +30,9 @@ LANDED = 1000.0
 does not stop there, but where rows no longer fall."""
 
 TRUST_MIN, TRUST_MAX = 1e-6, 0.1
-"""Bounds of the trust length, rad or m, whatever is trusted by the way that was gone. The lower one lets a mechanism at rest be moved by more than rounding makes of
-a nearly singular pose, and less than one sees; the upper one keeps a fast one near its pose."""
+"""Bounds of the trust length, rad or m, however far a state has gone. The lower one lets a mechanism at rest be moved
+by more than rounding makes of a nearly singular pose, and less than one sees; the upper one keeps a fast one near its
+pose."""
 
 _EPSILON = float(np.finfo(float).eps)
 

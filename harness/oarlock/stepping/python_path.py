@@ -13,6 +13,7 @@ from oarlock.base.arrays import relative_difference
 from oarlock.base.core import MultiplierSolver
 from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Baumgarte, Form
+from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.prepare import unsolved
 from oarlock.stepping.ending import Ending
@@ -23,7 +24,7 @@ from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Question, SolvedForce
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.stepping.state import State
-from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_finite
+from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_sane
 from oarlock.tables.columns import table_of_rows
 from oarlock.tables.figures import Walk
 from oarlock.tables.spool import Spool
@@ -122,6 +123,8 @@ class PythonPath:
                 began = time.perf_counter()
                 walker.look()
                 looked = time.perf_counter()
+                if not bounded(walker.data.qacc):
+                    return Ending(step, walker.data.time)
                 rows = experiment.begin(step)
                 recorded = time.perf_counter()
                 walker.step()
@@ -131,7 +134,7 @@ class PythonPath:
                 return Ending(step, walker.data.time, error)
             for table, row in zip(tables, rows, strict=True):
                 table.append({**row, "step_us": step_us})
-            if not is_finite(walker.data):
+            if not is_sane(walker.data):
                 return Ending(step, walker.data.time)
             if (step + 1) % TICK_STEPS == 0 or step + 1 == steps:
                 self._tick(step % TICK_STEPS + 1)
@@ -167,7 +170,7 @@ class Companion:
     def compare(self, qpos: np.ndarray) -> float | None:
         """How far positions are from it (rad or m), None where it did not get to; then takes its next step."""
         data = self._walker.data
-        if not is_finite(data):
+        if not is_sane(data):
             return None
         apart = self._prepared.apart(data.qpos, qpos)
         self._walker.look()

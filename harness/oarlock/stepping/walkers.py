@@ -14,6 +14,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.base.vectors import Vector, cross, dot, plus, scaled
+from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.stepping.projection import Projector
@@ -22,9 +23,9 @@ _SMALL_ANGLE = 1e-4
 """rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding."""
 
 
-def is_finite(data: mujoco.MjData) -> bool:
-    """Whether positions and velocities are finite."""
-    return bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
+def is_sane(data: mujoco.MjData) -> bool:
+    """Whether positions and velocities are finite and below MuJoCo's bound."""
+    return bounded(data.qpos, data.qvel)
 
 
 def smooth_stages(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive) -> None:
@@ -138,7 +139,7 @@ class ForcedWalker:
         step = self.model.opt.timestep
         fastest, hardest = np.abs(self.data.qvel).max(), np.abs(self.data.qacc).max()
         integrate()
-        if is_finite(self.data):
+        if is_sane(self.data):
             fastest = max(fastest, np.abs(self.data.qvel).max())
             self._projector.project(self.data, gone=step * float(fastest) + step * step * float(hardest))
 

@@ -71,7 +71,7 @@ impl<F: ForceLaw> ForcedWalker<F> {
             self.data.integrate()?;
         }
         if let Some(projector) = &mut self.projector
-            && is_finite(&self.data)
+            && is_sane(&self.data)
         {
             let fastest = before.max(largest(self.data.qvel()));
             let step = self.data.model().timestep();
@@ -100,10 +100,19 @@ impl<F: ForceLaw> ForcedWalker<F> {
     }
 }
 
-/// Whether positions and velocities are.
+/// MuJoCo's own bound (mjMAXVAL): a position, velocity or acceleration beyond it counts as diverged.
+pub const HUGE: f64 = 1e10;
+
+/// Whether all entries are below [`HUGE`]; NaN is not.
 #[must_use]
-pub fn is_finite(data: &Data) -> bool {
-    data.qpos().iter().chain(data.qvel()).all(|entry| entry.is_finite())
+pub fn bounded(entries: &[f64]) -> bool {
+    entries.iter().all(|entry| entry.abs() < HUGE)
+}
+
+/// Whether positions and velocities are finite and below [`HUGE`].
+#[must_use]
+pub fn is_sane(data: &Data) -> bool {
+    bounded(data.qpos()) && bounded(data.qvel())
 }
 
 /// Where a Runge–Kutta step began, and the rates at its stages.

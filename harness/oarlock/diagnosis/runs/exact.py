@@ -40,7 +40,7 @@ class ExactRun:
         drift: largest r, J v and J a + J̇v of any row, (steps, 3), m or rad, per s, per s².
         rank: of A.
         end: ``refused`` where a contact, limit or friction became active, which the exact solution does not know, or
-            where a state could not be solved for or projected.
+            where the start could not be solved for; ``diverged`` where a later state could not, or was beyond bounds.
     """
 
     layout: Layout
@@ -151,7 +151,8 @@ class _Rows:
 def _end(ending: Ending | None, prepared: Prepared) -> End:
     if ending is None:
         return End("finished", max(0, prepared.steps - 1) * prepared.timestep_s)
-    if ending.error is None:
-        return End("diverged", ending.time_s, f"{ending.reason} at t = {ending.time_s:.6g} s")
-    refused = isinstance(ending.error, RefusedError)
-    return End("refused", ending.time_s, ending.reason.partition(", expected")[0] if refused else ending.reason)
+    if isinstance(ending.error, RefusedError):
+        return End("refused", ending.time_s, ending.reason.partition(", expected")[0])
+    if ending.error is not None and ending.step == 0:
+        return End("refused", ending.time_s, ending.reason)
+    return End("diverged", ending.time_s, ending.reason)

@@ -10,12 +10,10 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.mechanics.bounds import HUGE, bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import coordinates, element_name
 from oarlock.stepping.walkers import MujocoWalker
-
-HUGE = 1e10
-"""MuJoCo's own bound (mjMAXVAL): a position, velocity or acceleration beyond it counts as diverged."""
 
 How = Literal["finished", "diverged", "refused"]
 
@@ -65,8 +63,7 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
         walker = MujocoWalker(model, data)
         for step in range(steps):
             walker.look()
-            # Written so that NaN fails it too.
-            if not (abs(data.qacc).max() < HUGE and abs(data.qvel).max() < HUGE and abs(data.qpos).max() < HUGE):
+            if not bounded(data.qacc, data.qvel, data.qpos):
                 return
             yield step
             walker.step()
