@@ -16,7 +16,7 @@ from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, end
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
-from oarlock.experiments.outcome import COLUMNS, Results, ending, glance
+from oarlock.experiments.outcome import COLUMNS, Results, glance
 from oarlock.render.folder import CONTENTS, require_report
 
 
@@ -86,7 +86,7 @@ def run(
         say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
     for row in results.rows:
         if row["status"] != "done":
-            say(f"oarlock: run {row['run']} {row['status']}: {ending(row)}")
+            say(f"oarlock: run {row['run']} {row['status']}: {row['message']}")
     for verdict in results.failures:
         say(f"oarlock: gate failed: {verdict.line()}")
     unchecked = sum(verdict.held is None for verdict in results.verdicts)

@@ -20,6 +20,7 @@ COLUMNS = {
     "min_norm_error_max": "min-norm error",
     "qacc_rel_diff_max": "qacc diff",
     "drift_pos_max": "drift",
+    "energy_drift_rel": "energy drift",
     "truth_error_max": "truth error",
 }
 """Figure of the summary → title, of what is shown of a run at a glance."""
@@ -123,10 +124,3 @@ class Results(Answer):
         failed = [f"gate failed: {verdict.line()}" for verdict in self.failures]
         head = f"{self.case.name}: {len(self.rows)} runs; {held} gates hold, {len(failed)} do not"
         return html_table(head, list(COLUMNS.values()), [glance(row) for row in self.rows], failed)
-
-
-def ending(row: dict[str, Any]) -> str:
-    """Why the run of a row of the summary is not ``done``, in words."""
-    if row["status"] == "unprojected":
-        return f"{row['unprojected']} of {row['steps_done']} projections did not reach the constraints"
-    return row["message"] or f"{row['unconverged']} of {row['solves']} solves did not converge"

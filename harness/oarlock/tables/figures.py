@@ -153,7 +153,7 @@ FIGURES = (
     Figure("projection_rounds_max", largest("projection_rounds"), tolerance.MOST),
     Figure("projection_iterations_mean", ratio("projection_iterations", "projection_solves"), tolerance.MEAN),
     Figure("projection_moved_max", largest("projection_moved"), tolerance.DRIFT),
-    Figure("energy_drift_rel", change("energy", "kinetic_energy"), tolerance.ENERGY),
+    Figure("energy_drift_rel", change("energy", "kinetic_energy"), tolerance.ENERGY, report="energy drift"),
     Figure(
         "truth_error_max", largest("truth_error"), tolerance.TRUTH, report="distance from truth", sweep="from truth"
     ),
