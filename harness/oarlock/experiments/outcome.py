@@ -21,6 +21,7 @@ COLUMNS = {
     "qacc_rel_diff_max": "qacc diff",
     "drift_pos_max": "drift",
     "energy_drift_rel": "energy drift",
+    "error_estimate_max": "own error",
     "truth_error_max": "truth error",
 }
 """Figure of the summary → title, of what is shown of a run at a glance."""

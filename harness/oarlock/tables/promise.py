@@ -1,5 +1,7 @@
 """What ``done`` promises of a run, and what a run is called that does not keep it."""
 
+import math
+
 import polars as pl
 
 from oarlock.base.numbers import figure
@@ -17,12 +19,18 @@ ENERGY_NOISE = 1e-9
 """Of the largest energy. Less is rounding, which is all that a mechanism at rest has."""
 
 
+ERROR_BOUND = 0.1
+"""rad or m, by a run's own estimate. A mechanism that is so far off is in another pose; most runs are a million times
+better, and one that passes by a singular pose too coarsely ends anywhere."""
+
+
 def ended(key: RunKey, steps: Spool, message: str) -> tuple[str, str]:
     """How a run ended, and why unless it is ``done``.
 
     It is ``diverged`` if it was lost before its last step; ``drifted`` if, freely with exact constraints, it gained or
-    lost energy that is conserved; ``unprojected`` if projections did not reach the constraints; ``unconverged`` if
-    solves did not converge.
+    lost energy that is conserved; ``inaccurate`` if its own estimate of its error is too large, or there is none for
+    the walk at half the timestep was lost; ``unprojected`` if projections did not reach the constraints;
+    ``unconverged`` if solves did not converge.
 
     Args:
         key: which run it is.
@@ -38,6 +46,14 @@ def ended(key: RunKey, steps: Spool, message: str) -> tuple[str, str]:
         return "drifted", (
             f"its energy, which nothing drives or damps, changes by {figure(drift)} of the largest kinetic energy, "
             f"expected at most {ENERGY_BOUND:g}"
+        )
+    error = steps.collect(pl.col("error_estimate").max()).item()
+    if error is not None and error > ERROR_BOUND:
+        if error == math.inf:
+            return "inaccurate", "the walk at half the timestep was lost, which would tell its error"
+        return (
+            "inaccurate",
+            f"by its own estimate it is off by {figure(error)} m or rad, expected at most {ERROR_BOUND:g}",
         )
     counts = pl.col("unconverged").sum(), pl.col("solves").sum(), (pl.col("projection") != "landed").sum()
     unconverged, solves, unprojected = steps.collect(*counts).row(0)

@@ -113,6 +113,12 @@ impl Projector {
         }
     }
 
+    /// One for states of another copy of the model, with a solver that starts as this one's stands.
+    #[must_use]
+    pub fn twin(&self, model: &Model) -> Self {
+        Self::new(model, self.solver.clone_box())
+    }
+
     /// Projects positions, then velocities; leaves the position stage valid. `gone` is how far a coordinate may have gone in
     /// this step, rad or m.
     ///

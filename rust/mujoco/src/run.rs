@@ -23,6 +23,16 @@ pub enum Observed {
     Site(usize),
 }
 
+impl Observed {
+    /// Where it is, at a state whose position stage is done: rad or m.
+    pub(crate) fn place(self, data: &Data) -> &[f64] {
+        match self {
+            Self::Coordinate(index) => &data.qpos()[index..=index],
+            Self::Site(index) => &data.site_xpos()[3 * index..3 * index + 3],
+        }
+    }
+}
+
 /// What a run starts from and what is written down of it besides what it is for.
 #[derive(Clone)]
 pub struct Setup {
@@ -88,7 +98,7 @@ pub struct Snapshot {
 
 /// What all experiments write down.
 pub(crate) struct Notes {
-    observed: Option<Observed>,
+    pub(crate) observed: Option<Observed>,
     conserved: bool,
     due: Vec<usize>,
     kept: Vec<Snapshot>,
@@ -115,12 +125,8 @@ impl Notes {
         steps.float("drift_pos", largest(data.pos()));
         steps.float("drift_vel", largest(data.vel()));
         steps.list("qpos", data.qpos());
-        match self.observed {
-            Some(Observed::Coordinate(index)) => steps.list("observed", &data.qpos()[index..=index]),
-            Some(Observed::Site(index)) => {
-                steps.list("observed", &data.site_xpos()[3 * index..3 * index + 3]);
-            }
-            None => {}
+        if let Some(observed) = self.observed {
+            steps.list("observed", observed.place(data));
         }
     }
 
