@@ -403,8 +403,8 @@ def test_a_run_that_diverges_is_a_row(swung, tmp_path, workers):
     (swung / "case.toml").write_text(stiff)
     suite = swept([swung], tmp_path / "out", workers, "timestep=1e-3:0.05:2")
     document = suite.document()
-    assert [(row["timestep_s"], row["status"]) for row in document["runs"]] == [
-        (timestep_s, status) for timestep_s, status in ((1e-3, "done"), (0.05, "diverged")) for _ in range(2)
+    assert [(row["timestep_s"], row["status"] == "diverged") for row in document["runs"]] == [
+        (timestep_s, lost) for timestep_s, lost in ((1e-3, False), (0.05, True)) for _ in range(2)
     ]
     assert (document["failures"], status_of(suite)) == ([], 0)
     folder = tmp_path / "out" / "swung" / "sweep-timestep"

@@ -303,7 +303,7 @@ def test_divergence_is_reported_and_no_mistake(oarlock_here, tmp_path, toml):
         BEGIN + toml + "[run]\nstabilisation = 'baumgarte'\nduration_s = 1.0\n" + FREE.format(setting),
     )
     finished = oarlock_here("run", "bar", "--out", "r")
-    assert finished.returncode == 0
+    assert finished.returncode == 1
     (line,) = finished.stderr.splitlines()
     assert re.match(r"oarlock: run free-\S+ diverged: " + REASON, line)
     assert oarlock_here("report", "r").returncode == 0

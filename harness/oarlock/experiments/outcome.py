@@ -12,6 +12,7 @@ from oarlock.cases.case import Case
 from oarlock.experiments.description import case_document
 from oarlock.tables.aggregate import Verdict
 from oarlock.tables.folder import ResultFolder
+from oarlock.tables.promise import unexpected
 
 COLUMNS = {
     "run": "run",
@@ -76,6 +77,11 @@ class Results(Answer):
     def failures(self) -> list[Verdict]:
         """Gates that did not hold."""
         return [verdict for verdict in self.verdicts if verdict.held is False]
+
+    @property
+    def lost(self) -> list[dict[str, Any]]:
+        """Rows of the runs that ended neither ``done`` nor as their case expects."""
+        return [row for row in self.rows if unexpected(self.case, row)]
 
     def document(self) -> dict[str, Any]:
         """The summary JSON: provenance, a dictionary a run, and the gates."""

@@ -1,10 +1,13 @@
 """What ``done`` promises of a run, and what a run is called that does not keep it."""
 
 import math
+from typing import Any
 
 import polars as pl
 
+from oarlock.base.errors import InputError
 from oarlock.base.numbers import figure
+from oarlock.cases.case import Case
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.tables.reductions import change
 from oarlock.tables.schema import RunKey
@@ -62,6 +65,22 @@ def ended(key: RunKey, steps: Spool, message: str) -> tuple[str, str]:
     if unconverged:
         return "unconverged", f"{unconverged} of {solves} solves did not converge"
     return "done", ""
+
+
+def unexpected(case: Case, row: dict[str, Any]) -> bool:
+    """Whether a run ended other than ``done``, and other than its case expects.
+
+    Raises:
+        InputError: the case selects runs by a key that no summary has.
+    """
+    allowed = row["status"] == "done"
+    for ending in case.file.endings:
+        unknown = [name for name in ending.where if name not in row]
+        if unknown:
+            raise InputError(f"endings of case '{case.name}' name '{unknown[0]}', expected one of: {', '.join(row)}")
+        picked = all(str(row[name]) == value for name, value in ending.where.items())
+        allowed |= picked and row["status"] == ending.status
+    return not allowed
 
 
 def _beyond_noise(steps: Spool) -> bool:
