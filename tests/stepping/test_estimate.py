@@ -37,7 +37,6 @@ def test_the_estimate_of_what_a_truth_speaks_of(name, stabilisation):
     duration = min(0.5, load_case(name).file.run.duration_s)
     row, _ = exact(name, stabilisation=stabilisation, duration=duration)
     told, error = row["truth_error_estimate_max"], row["truth_error_max"]
-    assert told <= row["error_estimate_max"] or load_case(name).file.truth.site
     assert told <= ESTIMATE_FACTOR * error + ESTIMATE_ROUNDING
     assert error <= ESTIMATE_FACTOR * told + ESTIMATE_ROUNDING
 

@@ -1,6 +1,7 @@
 """How runs end: what ``done`` promises, and the words for what does not keep it."""
 
 import math
+from typing import Any
 
 import polars as pl
 import pytest
@@ -23,7 +24,7 @@ OPEN = {"projection": ["landed", "too-far"]}
 UNSOLVED = {"unconverged": [0, 3]}
 
 
-def end(message="", key=None, **columns):
+def end(message: str = "", key: dict[str, Any] | None = None, **columns: Any) -> tuple[str, str]:
     steps = Spool(SCHEMA)
     frame = pl.DataFrame({**GOOD, **columns})
     unknown = [pl.lit(None, dtype=kind).alias(name) for name, kind in SCHEMA.items() if name not in frame.columns]
@@ -52,7 +53,7 @@ def test_each_ending_has_its_word(columns, status, said):
 
 
 def test_the_worst_comes_first():
-    all_of_it = {**LOST_ENERGY, **FAR, **OPEN, **UNSOLVED}
+    all_of_it: dict[str, Any] = {**LOST_ENERGY, **FAR, **OPEN, **UNSOLVED}
     found = [end("step 1, t = 0.001 s: b is not finite", **all_of_it)[0]]
     for fault in (LOST_ENERGY, FAR, OPEN, UNSOLVED):
         found.append(end(**all_of_it)[0])
