@@ -182,8 +182,12 @@ class Setup:
         solver: MultiplierSolver,
         reference: MultiplierSolver,
         projector: MultiplierSolver | None = None,
+        beside: MultiplierSolver | None = None,
     ) -> Run:
-        """A solver walks alone in a form, held against a reference solver; a projector may end its steps."""
+        """A solver walks alone in a form, held against a reference solver; a projector may end its steps.
+
+        A solver may walk beside it with half the timestep, which tells its error.
+        """
     def profile(self, steps: int, solver: MultiplierSolver) -> dict[str, Any]:
         """Where the time of a free run on exact constraints goes.
 

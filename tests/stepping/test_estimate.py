@@ -54,3 +54,17 @@ def test_only_exact_free_runs_have_an_estimate(tmp_path):
     known = {row["run"] for row in results.rows if row["error_estimate_max"] is not None}
     assert known == {"free-hard-pinv-projection-rk4"}
     assert all(row["truth_error_estimate_max"] is None for row in results.rows)
+
+
+@pytest.mark.parametrize("stepping", ["native", "python"])
+def test_a_solver_that_is_wrong_is_no_judge_of_itself(tmp_path, stepping):
+    """It softens rows alike at every timestep, and so agrees with itself: the walk beside has another solver."""
+    path = write_model(tmp_path, four_bar(), SWUNG)
+    asked = {"mode": "free", "form": "hard", "duration": 0.4, "stepping": stepping}
+    softened = "cholesky-regularised:epsilon=0.01,max_iterations=1"
+    results = run(path, solver=[softened, "auto"], **asked)
+    soft, right = (np.array(frame["qpos"].to_list()) for frame in frames_of(results)[1:])
+    told = only(results.rows, mode="free", solver=softened)["error_estimate_max"]
+    apart = np.abs(soft - right).max()
+    assert apart > 100 * only(results.rows, mode="free", solver="auto")["error_estimate_max"]
+    assert told == pytest.approx(apart, rel=ESTIMATE_SHARP)

@@ -21,7 +21,17 @@ from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.prepare import integrator_of, unsolved
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.figures import Row, answered, parity, place, projecting, solving
-from oarlock.stepping.path import REFERENCE_SOLVER, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
+from oarlock.stepping.path import (
+    REFERENCE_SOLVER,
+    SOLVER_BESIDE,
+    SPOOLS,
+    TICK_STEPS,
+    Make,
+    Spools,
+    Tables,
+    Tick,
+    silent,
+)
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Question, SolvedForce
@@ -109,9 +119,8 @@ class PythonPath:
         if form is None:
             return self._walk(FreeMujoco(self._prepared, self._terms))
         own, other = self._make(solver), self._make(reference)
-        # MuJoCo's softness hangs on the timestep, so that at half of it the matched form asks another question.
-        finer = self._make(solver) if form == "hard" else None
-        halved = Halved(self._prepared, self._terms, finer, projector) if finer else None
+        beside = self._make(SOLVER_BESIDE) if form == "hard" else None
+        halved = Halved(self._prepared, self._terms, beside, projector) if beside else None
         return self._walk(FreeSolved(self._prepared, self._terms, form, own, projector, other, halved))
 
     def _walk(self, experiment: Experiment, count: int = 1) -> Tables:
@@ -185,7 +194,10 @@ class Companion:
 
 
 class Halved:
-    """The walk of a solver in the hard form with half the timestep, beside the one that it tells the error of."""
+    """A walk in the hard form with half the timestep and its own solver, beside the one that it tells the error of.
+
+    The error of the other's steps and that of its solver, which this one does not share.
+    """
 
     def __init__(self, prepared: Prepared, terms: Baumgarte, solver: MultiplierSolver, projector: SolverSpec | None):
         self._prepared = prepared

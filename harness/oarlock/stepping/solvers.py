@@ -18,6 +18,10 @@ RUN_REFERENCE = "pinv-tracked"
 """Solver whose multipliers count as the minimum-norm ones along a run; it starts from the last step's eigenvectors."""
 
 
+BESIDE = "auto"
+"""Solver of the walk at half the timestep that tells the error of a run, its solver's included."""
+
+
 def solver_names() -> list[str]:
     """Returns the names of the solvers in the registry of the compiled core."""
     return list(core.solvers())

@@ -153,8 +153,10 @@ impl Setup {
         Run::of(py, experiments::free_mujoco(&self.inner, steps))
     }
 
-    /// A solver walks alone in a form, held against a reference solver; a projector may end its steps.
-    #[pyo3(signature = (steps, form_name, solver, reference, projector=None))]
+    /// A solver walks alone in a form, held against a reference solver; a projector may end its steps, and a solver may walk
+    /// beside it with half the timestep, which tells its error.
+    #[pyo3(signature = (steps, form_name, solver, reference, projector=None, beside=None))]
+    #[allow(clippy::too_many_arguments)] // keywords in Python
     fn free_solved(
         &self,
         py: Python<'_>,
@@ -163,11 +165,21 @@ impl Setup {
         solver: SolverRef<'_>,
         reference: SolverRef<'_>,
         projector: Option<SolverRef<'_>>,
+        beside: Option<SolverRef<'_>>,
     ) -> PyResult<Run> {
+        let beside = beside.map(|solver| fresh(&solver));
         let (form, projector) = (form(form_name)?, self.projector(projector.as_deref()));
         Run::of(
             py,
-            experiments::free_solved(&self.inner, form, fresh(&solver), projector, fresh(&reference), steps),
+            experiments::free_solved(
+                &self.inner,
+                form,
+                fresh(&solver),
+                projector,
+                fresh(&reference),
+                beside,
+                steps,
+            ),
         )
     }
 

@@ -120,7 +120,8 @@ impl Experiment for Bare {
     }
 }
 
-/// The same walk with half the timestep, beside it: what is between the two says how far the walk is off.
+/// The same walk with half the timestep and another solver, beside it: what is between the two says how far the walk is off,
+/// be it by its steps or by its solver.
 struct Halved {
     walker: ForcedWalker<SolvedForce>,
     /// 2^p / (2^p − 1) with p the order of the integrator: the whole error over the half that halving takes away (Richardson).
@@ -201,7 +202,8 @@ struct FreeSolved {
     steps: Steps,
 }
 
-/// A solver walks alone in a form, against MuJoCo as configured.
+/// A solver walks alone in a form, against MuJoCo as configured; another one may walk beside it with half the timestep, which
+/// tells its error.
 ///
 /// # Errors
 /// Those of [`ForcedWalker::new`] and [`State::new`].
@@ -211,14 +213,11 @@ pub fn free_solved(
     solver: Solver,
     projector: Option<Projector>,
     reference: Solver,
+    beside: Option<Solver>,
     steps: usize,
 ) -> Result<Run, Error> {
     let nv = setup.model.nv();
-    // MuJoCo's softness hangs on the timestep, so that at half of it the matched form asks another question.
-    let halved = match form {
-        Form::Hard => Some(Halved::new(setup, form, solver.clone_box(), projector.as_ref())?),
-        Form::Matched => None,
-    };
+    let halved = beside.map(|beside| Halved::new(setup, form, beside, projector.as_ref())).transpose()?;
     let force = SolvedForce::new(setup.state()?, form, solver, nv);
     let own = Setup { model: Arc::new(setup.model.unsolved(setup.model.timestep())?), ..setup.clone() };
     let experiment = FreeSolved {
