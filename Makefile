@@ -30,7 +30,7 @@ endif
 
 test: setup
 	$(CARGO) test --locked --profile checked --quiet -p oarlock-core -p oarlock-fuzz -p oarlock-mujoco
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist loadgroup
 
 # Besides: the slow tests, and the native path under valgrind, which has to be there.
 test-deep: test

@@ -1,4 +1,4 @@
-"""Fixtures. The whole case of the boat runs once, beside the other tests, and those that read it come last."""
+"""Fixtures. The whole case of the boat runs once: the tests that read it go to one worker."""
 
 import json
 import shutil
@@ -34,30 +34,21 @@ class BoatRun:
         return self.document["runs"]
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: WHOLE_CASE in getattr(item, "fixturenames", ()))
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _boat_process(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
-    """Starts the whole case at once if any test will ask for it, so that it runs while the others do."""
-    if not any(WHOLE_CASE in getattr(item, "fixturenames", ()) for item in request.session.items):
-        yield None
-        return
-    folder = tmp_path_factory.mktemp("whole") / "boat"
-    arguments = [COMMAND, "run", "boat", "--out", folder, "--json", "-"]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8") as process:
-        yield process, folder
-        process.kill()
+    for item in items:
+        if WHOLE_CASE in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.xdist_group(WHOLE_CASE))
 
 
 @pytest.fixture(scope="session")
-def boat_run(_boat_process: tuple[subprocess.Popen[str], Path]) -> BoatRun:
-    """The whole case of the boat: 31 runs of 12 s."""
-    process, folder = _boat_process
-    out, err = process.communicate(timeout=600)
-    assert process.returncode in (0, 1), err
-    return BoatRun(process.returncode, out, err, json.loads(out), folder)
+def boat_run(tmp_path_factory: pytest.TempPathFactory) -> BoatRun:
+    """The whole case of the boat: 46 runs of 12 s."""
+    folder = tmp_path_factory.mktemp("whole") / "boat"
+    arguments = [COMMAND, "run", "boat", "--out", folder, "--json", "-"]
+    done = subprocess.run(arguments, capture_output=True, encoding="utf-8", timeout=600, check=False)
+    assert done.returncode in (0, 1), done.stderr
+    return BoatRun(done.returncode, done.stdout, done.stderr, json.loads(done.stdout), folder)
 
 
 @pytest.fixture

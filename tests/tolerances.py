@@ -22,6 +22,15 @@ SAME_POINT = 1e-14
 SAME_BIAS = 1e-14
 """Relative to 1 + |q̇|². The same sums in another order, on a mechanism of 1 m: 2e-16 (measured)."""
 
+SAME_FORMULA = 1e-14
+"""Relative, or m and m/rad at lengths of 1 m. One formula written twice, or an identity of it: some roundings."""
+
+CLAIM = 1e-6
+"""Relative. Figures of a script on another machine: differences of matrices 1 ms apart lose six of sixteen digits."""
+
+CLAIM_ROUNDING = 1e-9
+"""m/rad. Central differences of 1e-6 rad: rounding of 1e-16 over the step, 1.7e-10 (measured)."""
+
 # Starts.
 
 CLOSED = 1e-12
@@ -87,6 +96,9 @@ SR1_ACCELERATION = 1e-6
 
 HARD_DRIFT = 1e-9
 """m. Runge–Kutta's own error at 1 ms, held by Baumgarte: 2.4e-10 measured on the boat."""
+
+EXACT_DRIFT = 1e-8
+"""m or rad. What an exact run may be open by: rounding, but for gears of 1e5, whose rows count it 1e5 times."""
 
 ENERGY_DRIFT = 1e-5
 """Relative to the kinetic energy. Runge–Kutta and the drift of an unstabilised loop over a second at 2 ms."""

@@ -1,12 +1,15 @@
 """The compiled core of oarlock: systems, solvers, laws of time, step loops."""
 
-from typing import Any, Literal, final
+from collections.abc import Callable
+from typing import Any, Literal, Self, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 _Vector = NDArray[np.float64]
 _Matrix = NDArray[np.float64]
+_Numbers = ArrayLike
+"""Real numbers: float64 arrays in C order are read in place, anything else is copied into one."""
 
 BUILD_PROFILE: str
 VERSION: str
@@ -20,7 +23,7 @@ class Info:
 
     @property
     def status(self) -> str:
-        """converged, iteration-limit or breakdown."""
+        """converged, iteration-limit, breakdown or inaccurate."""
     @property
     def iterations(self) -> int:
         """Iterations, in the solver's own count; 0 for a direct solver."""
@@ -40,6 +43,9 @@ class Info:
     def null_residual(self) -> float | None:
         """‖A N‖ / ‖A‖."""
     @property
+    def margin(self) -> float | None:
+        """How many times the eigenvalue nearest to the rank cut is larger or smaller than that."""
+    @property
     def refreshed(self) -> bool:
         """Whether the carried pseudo-inverse was recomputed."""
     @property
@@ -57,38 +63,54 @@ class Info:
 
 @final
 class ConstrainedSystem:
-    """A λ = b of one step: A = J M⁻¹ Jᵀ (+ R), b = aref − J M⁻¹ f. Make one and assemble it anew every step."""
+    """A λ = b of one step: A = J M⁻¹ Jᵀ (+ R), b = aref − J M⁻¹ f. Make one and assemble it anew every step.
+
+    One thread at a time may use it; another one gets an InputError.
+    """
 
     def __new__(cls) -> ConstrainedSystem: ...
     def assemble(
         self,
-        mass: _Matrix,
-        jacobian: _Matrix,
-        force: _Vector,
-        aref: _Vector,
-        regularisation: _Vector | None = None,
+        mass: _Numbers,
+        jacobian: _Numbers,
+        force: _Numbers,
+        aref: _Numbers,
+        regularisation: _Numbers | None = None,
     ) -> None:
         """Forms A and b from M (nv×nv), J (n×nv), f (nv), aref (n) and, for soft rows, R (n).
 
         Raises:
-            InputError: shapes, values that are not finite, M not positive definite, R negative.
+            InputError: shapes, what is no finite real number, M not positive definite, R negative.
         """
     def assemble_factored(
         self,
-        whitened: _Matrix,
-        jacobian: _Matrix,
-        unconstrained: _Vector,
-        aref: _Vector,
-        regularisation: _Vector | None = None,
+        whitened: _Numbers,
+        jacobian: _Numbers,
+        unconstrained: _Numbers,
+        aref: _Numbers,
+        regularisation: _Numbers | None = None,
     ) -> None:
         """Forms A and b where M⁻¹ = Hᵀ H is factored elsewhere; the way back from multipliers ends at ``force``.
 
         Of the rows H Jᵀ (n×nv), J (n×nv), a₀ = M⁻¹ f (nv), aref (n) and, for soft rows, R (n).
 
         Raises:
-            InputError: shapes, values that are not finite, R negative.
+            InputError: shapes, what is no finite real number, R negative.
         """
-    def force(self, multipliers: _Vector) -> _Vector:
+    def hold_rank(self, gap: float, constraints: list[int]) -> None:
+        """Says how far the rows of the next step stand open, and asks to hold the rank along the path.
+
+        Args:
+            gap: largest deviation of a row, as a part of the extent of the mechanism.
+            constraints: number of the constraint that each row belongs to, (n).
+        """
+    def reference(self, solver: MultiplierSolver) -> tuple[_Vector, Info]:
+        """(λ, info) of the step by the direct solver that judges ``solver``.
+
+        Raises:
+            InputError: nothing was assembled, or it has no answer.
+        """
+    def force(self, multipliers: _Numbers) -> _Vector:
         """Jᵀ λ (nv) of λ (n)."""
     @property
     def matrix(self) -> _Matrix:
@@ -96,21 +118,27 @@ class ConstrainedSystem:
     @property
     def rhs(self) -> _Vector:
         """b, n, before folding."""
-    def acceleration(self, multipliers: _Vector) -> tuple[_Vector, _Vector]:
+    def acceleration(self, multipliers: _Numbers) -> tuple[_Vector, _Vector]:
         """From λ (n) to (qacc, qfrc), both nv: a₀ + M⁻¹ Jᵀ λ and Jᵀ λ."""
+    def __copy__(self) -> Self: ...
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Self: ...
 
 @final
 class MultiplierSolver:
-    """Solves A λ = b one step after another, carrying what it learns. Made by ``make_solver``."""
+    """Solves A λ = b one step after another, carrying what it learns. Made by ``make_solver``.
+
+    Its copies, and what pickle makes of it, go on from where it is, to the last bit. One thread at a time may use it;
+    another one gets an InputError.
+    """
 
     @property
     def name(self) -> str:
         """Name in the registry."""
-    def solve(self, A: _Matrix, b: _Vector) -> tuple[_Vector, Info]:
+    def solve(self, A: _Numbers, b: _Numbers) -> tuple[_Vector, Info]:
         """(x, info) of a dense A (n×n, symmetric positive semidefinite) and b (n).
 
         Raises:
-            InputError: shapes, values that are not finite, A not symmetric or not positive semidefinite.
+            InputError: shapes, what is no finite real number, A not symmetric or not positive semidefinite.
         """
     def solve_system(self, system: ConstrainedSystem, wanted: str = "multipliers") -> tuple[_Vector, Info]:
         """(x, info) of the system of one step; wanted is "multipliers" (minimum norm) or "acceleration"."""
@@ -122,6 +150,10 @@ class MultiplierSolver:
         """Goes on from a saved state. Raises InputError if it is another solver's or not whole."""
     def reset(self) -> None:
         """Forgets all earlier steps."""
+    def __copy__(self) -> Self: ...
+    def __deepcopy__(self, _memo: dict[int, Any]) -> Self: ...
+    def __reduce__(self) -> tuple[Callable[[], MultiplierSolver], tuple[()], tuple[dict[str, Any], _Matrix]]: ...
+    def __setstate__(self, state: tuple[dict[str, Any], _Matrix]) -> None: ...
 
 @final
 class TimeLaw:
@@ -142,8 +174,8 @@ class Setup:
         cls,
         model: Any,
         *,
-        qpos: _Vector,
-        qvel: _Vector,
+        qpos: _Numbers,
+        qvel: _Numbers,
         laws: list[tuple[int, TimeLaw]],
         beta: float,
         k: float,
@@ -164,11 +196,11 @@ class Setup:
     def lockstep(
         self,
         steps: int,
-        questions: list[tuple[str, MultiplierSolver, list[MultiplierSolver]]],
+        questions: list[tuple[str, list[MultiplierSolver]]],
         leader: MultiplierSolver | None = None,
         projector: MultiplierSolver | None = None,
     ) -> Run:
-        """Every question (form, reference, solvers) along the walk of MuJoCo, or of a solver in the hard form."""
+        """Every question (form, solvers) along the walk of MuJoCo, or of a solver in the hard form."""
     def one_step(self, steps: int, asked: list[tuple[str, MultiplierSolver]]) -> Run:
         """From each of MuJoCo's states, one step of every (form, solver)."""
     def bare(self, steps: int) -> Run:
@@ -180,11 +212,10 @@ class Setup:
         steps: int,
         form_name: str,
         solver: MultiplierSolver,
-        reference: MultiplierSolver,
         projector: MultiplierSolver | None = None,
         beside: MultiplierSolver | None = None,
     ) -> Run:
-        """A solver walks alone in a form, held against a reference solver; a projector may end its steps.
+        """A solver walks alone in a form; a projector may end its steps.
 
         A solver may walk beside it with half the timestep, which tells its error.
         """
@@ -221,7 +252,7 @@ class Column:
 
 @final
 class Run:
-    """A run on its way, made by a ``Setup``."""
+    """A run on its way, made by a ``Setup``. One thread at a time may use it; another one gets an InputError."""
 
     def advance(self, steps: int) -> int:
         """Goes on by so many steps and gives the number of steps taken; fewer than asked for: it has ended."""
@@ -250,7 +281,11 @@ def open_mujoco(path: str) -> None:
     """
 
 def advance_all(runs: list[Run], steps: int) -> list[int]:
-    """Goes on with many runs by so many steps each, on all cores; gives the number of steps that each took."""
+    """Goes on with many runs by so many steps each, on all cores; gives the number of steps that each took.
+
+    Raises:
+        InputError: a run is there twice, or in use by another thread.
+    """
 
 def make_solver(name: str, **options: float | int | bool) -> MultiplierSolver:
     """Makes a solver by its name, with options as numbers and switches: ``make_solver("sr1", eps_abs=1e-7)``.
@@ -258,7 +293,7 @@ def make_solver(name: str, **options: float | int | bool) -> MultiplierSolver:
     A whole number may be given as an int or a float, a switch as a bool, 0 or 1.
 
     Raises:
-        InputError: unknown name or option, or a value out of range.
+        InputError: unknown name or option, or a value out of range or of another kind.
     """
 
 def solvers() -> dict[str, tuple[str, dict[str, float | int | bool]]]:

@@ -16,7 +16,7 @@ from oarlock.batch.cluster import Cluster
 from oarlock.batch.suite import carry_out, plan_suite, status_of
 from oarlock.batch.workers import LocalWorkers, LostError
 from oarlock.tables.figures import TIMING_FIGURES
-from oarlock.tables.provenance import OCCASION
+from oarlock.tables.folder import OCCASION
 from places import TESTS
 from suites import KILL, TINY, UNITS, Counter, carried_out, interrupted_and_resumed, noted, notes, python_model
 

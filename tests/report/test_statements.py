@@ -72,7 +72,7 @@ def test_runs_are_picked_by_what_they_are():
     one = row(mode="one-step", stabilisation="projection")
     some = Compared.of(tables(euler, rk4, stiff, *sr1.values(), *held, one))
     assert some.exact is rk4  # the case's own integrator
-    assert (some.stiff, some.default, some.matched, some.alone) == (stiff, None, None, None)
+    assert (some.stiff, some.default, some.matched, some.loops) == (stiff, None, None, [])
     assert (some.along, some.soft) == (sr1["pinv"], sr1["mujoco"])
     assert some.projected == held
     assert some.calibrations == []
@@ -141,11 +141,48 @@ def test_iterations_are_told_with_what_did_not_converge():
     (one,) = said(tables(along))
     assert "takes 2.500 iterations a step along the exact trajectory. It solves" in one
     assert one.endswith("off by up to 12.3 % (median 5.1 %).")
-    soft, alone = {**along, "walker": "mujoco", "unconverged": 7}, row(solver="sr1", unconverged=9)
-    (one,) = said(tables(along, soft, alone, paper={"iterations_mean": 1.994}))
+    soft = {**along, "walker": "mujoco", "unconverged": 7}
+    (one,) = said(tables(along, soft, paper={"iterations_mean": 1.994}))
     assert "; the paper reports 1.994. It" in one
-    assert "out of reach in 7 of 4 800 solves." in one
-    assert one.endswith("Running alone it had to start anew in 9 of 4 800 solves.")
+    assert one.endswith("out of reach in 7 of 4 800 solves.")
+
+
+def test_the_solver_in_the_loop_is_another_experiment():
+    along = row(mode="lockstep", solver="sr1", iterations_mean=1.986)
+    walks = [
+        row(solver="sr1", unconverged=9, iterations_mean=1.5),
+        row(solver="sr1:eps_abs=0.1,guard=0.2", integrator="euler", iterations_mean=9.75),
+    ]
+    others = [
+        row(solver="sr1-classic"),
+        row(solver="sr1", stabilisation="projection"),
+        row(solver="sr1", form="matched"),
+    ]
+    (one,) = [one for one in said(tables(*walks, *others)) if one.startswith("**In the loop.** Here sr1 walks: ")]
+    assert one.endswith(
+        "sr1 takes 1.500 (rk4; 9 of 4 800 not converged), 9.750 (euler, eps_abs=0.1, guard=0.2) iterations a solve."
+    )
+    paper = {"source": "A. <N>", "iterations_mean": 1.994}
+    (one,) = [one for one in said(tables(along, *walks, paper=paper)) if "In the loop" in one]
+    assert one.startswith("**In the loop.** The paper's own experiment is another one: ")
+    assert one.endswith(r"The nearest of these to the 1.994 of the paper (A. \<N\>) is 1.500, 0.494 away.")
+    (met,) = [
+        one for one in said(tables(along, row(solver="sr1", iterations_mean=1.994), paper=paper)) if "loop" in one
+    ]
+    assert met.endswith("is 1.994.")
+
+
+@pytest.mark.parametrize(
+    ("holds", "text"),
+    [
+        ([True, True], "**The paper's claims.** 2 of 2 hold."),
+        ([True, False], "**The paper's claims.** 1 of 2 holds; these do not: x \\< 1."),
+        ([False, False], "**The paper's claims.** 0 of 2 hold; these do not: x \\< 0; x \\< 1."),
+    ],
+)
+def test_claims_are_counted_and_those_that_fail_are_named(holds, text):
+    claims = [{"claim": f"x < {index}.", "holds": one} for index, one in enumerate(holds)]
+    assert said(tables(mujoco(), paper={"claims": claims})) == [text]
 
 
 def test_other_statements_have_their_figures():
@@ -161,5 +198,5 @@ def test_every_statement_is_a_paragraph_of_its_own(boat_run, tmp_path):
     front = MarkdownIt("commonmark").parse(text.partition("\n![mechanism]")[0])
     paragraphs = [token.content for token in front if token.type == "inline"][1:]
     names = [paragraph.split("**")[1].split()[0] for paragraph in paragraphs]
-    assert names == ["All", "Stepping.", "Same", "Exact", "Projection.", "Iterations."]
+    assert names == ["All", "Stepping.", "Same", "Exact", "Projection.", "Iterations.", "In", "The"]
     assert "\n\n\n" not in text

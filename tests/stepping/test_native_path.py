@@ -324,6 +324,31 @@ def test_only_models_are_taken_for_models():
         _core.Setup(7, **GIVEN)
 
 
+def test_a_run_takes_one_thread_at_a_time():
+    assert native_path.refusal() == ""
+    setup = _core.Setup(mujoco.MjModel.from_xml_string(four_bar()), **GIVEN)
+    one = setup.bare(10**9)
+    with pytest.raises(InputError, match=r"runs\[1\] is there twice, expected each run once"):
+        _core.advance_all([one, one], 10)
+    begun = threading.Event()
+
+    def walk() -> None:
+        begun.set()
+        one.advance(300_000)
+
+    def look() -> None:
+        while thread.is_alive():
+            _ = one.state
+
+    thread = threading.Thread(target=walk)
+    thread.start()
+    begun.wait(60)
+    with pytest.raises(InputError, match="the run is in use by another thread, expected one thread at a time"):
+        look()
+    thread.join()
+    assert one.state[2] == pytest.approx(300_000 * 0.002)
+
+
 def test_later_changes_of_a_model_are_not_seen():
     assert native_path.refusal() == ""
     model = mujoco.MjModel.from_xml_string(four_bar())

@@ -71,7 +71,7 @@ def recorded(**columns):
 
 def test_summary_keeps_the_contract(boat_run):
     assert set(boat_run.document) >= {"provenance", "runs"}
-    assert len(boat_run.rows) == 31
+    assert len(boat_run.rows) == 46
     for row in boat_run.rows:
         assert set(row) >= CONTRACT
         assert row["steps"] == row["steps_done"] == 12_000
@@ -108,6 +108,24 @@ def test_first_solve_is_no_refresh():
 def test_iterations_are_per_solve():
     row = summarise(recorded(solves=[4, 4], iterations=[4, 12], iterations_worst=[1, 5]))
     assert (row["iterations_mean"], row["iterations_max"]) == (2.0, 5)
+
+
+def test_products_of_an_iteration_are_told_by_solves_that_differ():
+    """Those that started anew or gave up are left out; where every solve has as many iterations, nothing is told."""
+    told = {
+        "solves": [1] * 5,
+        "iterations": [1, 3, 8, 50, 2],
+        "products": [5, 9, 19, 400, 90],
+        "unconverged": [0, 0, 0, 1, 0],
+        "refreshes": [0, 0, 0, 0, 1],
+    }
+    row = summarise(recorded(**told))
+    assert row["products_mean"] == (5 + 9 + 19 + 400 + 90) / 5
+    assert row["products_per_iteration"] == 2.0
+    alike = {name: [values[0]] * 2 for name, values in told.items()}
+    assert summarise(recorded(**alike))["products_per_iteration"] is None
+    nothing = summarise(recorded(step=[0, 1]))
+    assert [nothing[name] for name in ("products_mean", "products_per_iteration")] == [None, None]
 
 
 def test_summary_of_projections():

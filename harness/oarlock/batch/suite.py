@@ -38,9 +38,9 @@ from oarlock.experiments.description import case_document, expectations
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.task import Task
 from oarlock.tables.aggregate import Verdict, judge
-from oarlock.tables.folder import ResultFolder
+from oarlock.tables.folder import OCCASION, ResultFolder
 from oarlock.tables.ledger import TABLE, Failure, Ledger, Outcome
-from oarlock.tables.provenance import OCCASION, inputs, occasion
+from oarlock.tables.provenance import inputs, occasion
 
 
 @dataclass

@@ -12,7 +12,7 @@ from oarlock.bench.steps import BARE
 from oarlock.render.charts import WIDTH, log_axis
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
-from oarlock.tables.provenance import occasion_of
+from oarlock.tables.folder import occasion_of
 
 NAMED = 0.05
 """Share of a step from which on the text names a part."""

@@ -21,7 +21,7 @@ from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.python_path import PythonPath
-from oarlock.stepping.solvers import MUJOCO, RUN_REFERENCE, SolverSpec
+from oarlock.stepping.solvers import MUJOCO, SolverSpec
 
 MODELS = ("boat", "four_bar", "n_four_bar:N=10,connects=2", "n_four_bar:N=40,connects=2")
 STEPS = 2000
@@ -119,8 +119,8 @@ class Track:
 
     def _exact(self, solver: str) -> Callable[[], core.Run]:
         core = self._path(self._setup()).core
-        own, reference = self._make(SolverSpec(solver)), self._make(SolverSpec(RUN_REFERENCE))
-        return lambda: core.free_solved(self.steps, "hard", own, reference)
+        own = self._make(SolverSpec(solver))
+        return lambda: core.free_solved(self.steps, "hard", own)
 
     def profile(self, solver: str) -> Callable[[], dict[str, Any]]:
         """The same walk with looks at the clock between the parts of a step: what ``Setup.profile`` says of it."""
@@ -129,10 +129,10 @@ class Track:
 
     def _lockstep(self) -> Contender:
         core = self._path(self._setup()).core
-        own, reference = self._make(SolverSpec("sr1-tracked")), self._make(SolverSpec(RUN_REFERENCE))
+        own = self._make(SolverSpec("sr1-tracked"))
 
         def once() -> float:
-            run = core.lockstep(self.steps, [("hard", reference, [own])])
+            run = core.lockstep(self.steps, [("hard", [own])])
             return self._timed(lambda: (run.advance(self.steps), run.tables()))
 
         return once
@@ -144,8 +144,8 @@ class Track:
 
     def _recorded(self) -> Callable[[], core.Run]:
         core = self._path(self._setup()).core
-        own, reference = self._make(SolverSpec("auto")), self._make(SolverSpec(RUN_REFERENCE))
-        return lambda: core.free_solved(self.steps, "hard", own, reference)
+        own = self._make(SolverSpec("auto"))
+        return lambda: core.free_solved(self.steps, "hard", own)
 
     def _bare(self) -> Callable[[], core.Run]:
         core = self._path(self._setup(_JACOBIANS["auto"])).core

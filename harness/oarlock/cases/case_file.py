@@ -243,10 +243,17 @@ class Published(_Observed):
 
 
 class Paper(_Table):
-    """Figures that others published, shown in the report."""
+    """What others published of the same mechanism, shown in the report.
+
+    Attributes:
+        source: who published it.
+        iterations_mean: iterations a solve.
+        claims: file of what they say of it, and of what came out; see ``oarlock.cases.claims``.
+    """
 
     source: str
     iterations_mean: Positive | None = None
+    claims: str | None = None
 
 
 class Experiment(_Table):

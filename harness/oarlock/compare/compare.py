@@ -27,7 +27,7 @@ from oarlock.compare.figures import (
     worded,
 )
 from oarlock.compare.folders import KEYS, Run, Side, match, read_side, require_same_schema
-from oarlock.tables.provenance import OCCASION
+from oarlock.tables.folder import OCCASION
 
 SAME_NUMBER = 1e-9
 """Relative, and absolute in m or rad. Computed numbers of ``case.json`` differ by as much between machines."""

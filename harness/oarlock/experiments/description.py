@@ -3,6 +3,7 @@
 from typing import Any
 
 from oarlock.cases.case import Case
+from oarlock.cases.claims import load_claims
 from oarlock.cases.judging import Gate
 from oarlock.mechanics.names import coordinates, equalities
 from oarlock.mechanics.reactions import verdict
@@ -27,8 +28,14 @@ def describe(setup: PreparedCase) -> dict[str, Any]:
 
 
 def case_document(case: Case, model: dict[str, Any]) -> dict[str, Any]:
-    """The contents of ``case.json``: the case with the description of its model."""
+    """The contents of ``case.json``: the case with the description of its model and the claims of its paper.
+
+    Raises:
+        InputError: the file of the claims is missing or malformed.
+    """
     contents = {**case.file.model_dump(), "expect": case.expected(), "parameters": case.parameters}
+    if contents["paper"]:
+        contents["paper"]["claims"] = [claim.model_dump() for claim in load_claims(case)]
     return {"name": case.name, "model": model, **contents}
 
 

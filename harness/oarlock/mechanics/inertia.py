@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from oarlock.base.arrays import largest
 from oarlock.base.core import ConstrainedSystem
 
 
@@ -46,6 +47,11 @@ class Inertia:
         factored = whiten(self._model, data, jacobian)
         self.system.assemble_factored(factored, jacobian, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained
+
+    def hold_rank(self, data: mujoco.MjData) -> None:
+        """Asks to hold the rank of the equality rows along the path that a state is on, in the next ``assemble``."""
+        gap = largest(data.efc_pos[: data.ne]) / self._model.stat.extent
+        self.system.hold_rank(float(gap), data.efc_id[: data.ne].tolist())
 
     def acceleration(self, data: mujoco.MjData, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Acceleration a₀ + M⁻¹ Jᵀ λ and constraint force Jᵀ λ, both (nv), of multipliers λ (n)."""

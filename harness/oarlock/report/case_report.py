@@ -13,11 +13,11 @@ from oarlock.render.folder import CONTENTS, require_report, write_whole
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
 from oarlock.report import figures
+from oarlock.report.costs import Costs, times_of_reference
 from oarlock.report.statements import Compared, statements
 from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES, shown
-from oarlock.tables.folder import ResultFolder
-from oarlock.tables.provenance import OCCASION, occasion_of
+from oarlock.tables.folder import OCCASION, ResultFolder, occasion_of
 
 
 def draw(tables: Tables) -> list[Figure]:
@@ -73,6 +73,7 @@ def markdown(tables: Tables, drawn: list[Figure]) -> str:
         "report.md.j2",
         tables=tables,
         compared=compared,
+        costs=Costs(tables),
         statements=statements(tables, compared),
         case=tables.case,
         model=tables.case["model"],
@@ -88,8 +89,16 @@ def html(tables: Tables, text: str, drawn: list[Figure]) -> str:
 
 
 def timings(tables: Tables) -> dict[str, Any]:
-    """Returns the timings of all runs, which change from run to run."""
-    runs = [{"run": row["run"], **{name: row[name] for name in TIMING_FIGURES}} for row in tables.rows]
+    """Returns the timings of all runs, which change from run to run, and exact solves beside the pseudo-inverse's."""
+    of_reference = times_of_reference(tables)
+    runs = [
+        {
+            "run": row["run"],
+            **{name: row[name] for name in TIMING_FIGURES},
+            "solve_of_pinv": of_reference.get(row["run"]),
+        }
+        for row in tables.rows
+    ]
     return {"runs": runs}
 
 

@@ -21,7 +21,8 @@ class Compared:
         exact: the free run of the reference on exact constraints.
         default: MuJoCo's free run with its default softness; stiff: with the stiffest settings of the case.
         question: the free run of the reference on MuJoCo's question with stiff settings.
-        along: sr1 along the exact trajectory; soft: along MuJoCo's; alone: in a free run of its own.
+        along: sr1 along the exact trajectory; soft: along MuJoCo's; loops: sr1, with whatever
+            options, in free runs of its own with Baumgarte's terms.
         projected: free runs that are projected onto the constraints.
     """
 
@@ -33,7 +34,7 @@ class Compared:
     question: Row | None
     along: Row | None
     soft: Row | None
-    alone: Row | None
+    loops: list[Row]
     projected: list[Row]
 
     @classmethod
@@ -50,14 +51,18 @@ class Compared:
             question=tables.pick(mode="free", form="matched", solver="pinv", settings="stiff"),
             along=tables.pick(walker="pinv", **sr1),
             soft=tables.pick(walker="mujoco", **sr1),
-            alone=tables.pick(mode="free", form="hard", solver="sr1"),
+            loops=[
+                row
+                for row in tables.all(mode="free", form="hard", stabilisation="baumgarte")
+                if row["solver"].partition(":")[0] == "sr1" and row["iterations_mean"] is not None
+            ],
             projected=[row for row in projected if row["mode"] == "free"],
         )
 
 
 def statements(tables: Tables, compared: Compared) -> list[str]:
     """What a report says first, a paragraph of Markdown each; what there are no runs for is left out."""
-    every = (_gates, _ignored, _stepping, _matched, _exact, _curvature, _projection, _iterations)
+    every = (_gates, _ignored, _stepping, _matched, _exact, _curvature, _projection, _iterations, _in_the_loop, _claims)
     return [said for make in every for said in make(tables, compared)]
 
 
@@ -155,7 +160,7 @@ def _projection(tables: Tables, compared: Compared) -> Iterator[str]:
 
 
 def _iterations(tables: Tables, compared: Compared) -> Iterator[str]:
-    along, soft, alone = compared.along, compared.soft, compared.alone
+    along, soft = compared.along, compared.soft
     if not along:
         return
     paper = (tables.case["paper"] or {}).get("iterations_mean")
@@ -172,7 +177,36 @@ def _iterations(tables: Tables, compared: Compared) -> Iterator[str]:
             f"{figure(soft['inconsistency_max'])}, its stopping test is out of reach in {figure(soft['unconverged'])} "
             f"of {figure(soft['solves'])} solves."
         )
-    if alone and alone["unconverged"]:
-        said += f" Running alone it had to start anew in {figure(alone['unconverged'])} of {figure(alone['solves'])} "
-        said += "solves."
     yield said
+
+
+def _in_the_loop(tables: Tables, compared: Compared) -> Iterator[str]:
+    runs = compared.loops
+    if not runs:
+        return
+    paper = tables.case["paper"] or {}
+    whose = "The paper's own experiment is another one" if paper and compared.along else "Here sr1 walks"
+    said = f"**In the loop.** {whose}: the solver walks, and its next system is what its own answers led to. "
+    told = []
+    for row in runs:
+        options = row["solver"].partition(":")[2].replace(",", ", ")
+        one = f"{figure(row['iterations_mean'])} ({row['integrator']}{', ' if options else ''}{options}"
+        if row["unconverged"]:
+            one += f"; {figure(row['unconverged'])} of {figure(row['solves'])} not converged"
+        told.append(f"{one})")
+    said += f"There sr1 takes {', '.join(told)} iterations a solve."
+    if wanted := paper.get("iterations_mean"):
+        nearest = min((row["iterations_mean"] for row in runs), key=lambda found: abs(found - wanted))
+        said += f" The nearest of these to the {wanted} of the paper ({cell(paper['source'])}) is {figure(nearest)}"
+        said += f", {figure(abs(nearest - wanted))} away." if abs(nearest - wanted) >= 5e-4 else "."
+    yield said
+
+
+def _claims(tables: Tables, _: Compared) -> Iterator[str]:
+    claims = (tables.case["paper"] or {}).get("claims") or []
+    if not claims:
+        return
+    failed = [cell(claim["claim"].rstrip(".")) for claim in claims if not claim["holds"]]
+    held = len(claims) - len(failed)
+    said = f"**The paper's claims.** {held} of {len(claims)} hold{'s' if held == 1 else ''}"
+    yield f"{said}; these do not: {'; '.join(failed)}." if failed else f"{said}."

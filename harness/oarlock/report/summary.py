@@ -19,9 +19,8 @@ from oarlock.render.template import render
 from oarlock.report import summary_figures as figures
 from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES
-from oarlock.tables.folder import ResultFolder
+from oarlock.tables.folder import OCCASION, ResultFolder
 from oarlock.tables.ledger import Ledger
-from oarlock.tables.provenance import OCCASION
 
 DIGITS = 6
 """Significant digits of the tracked summary.json: enough to compare, and stable when the last bits are not."""

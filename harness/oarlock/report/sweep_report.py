@@ -14,9 +14,8 @@ from oarlock.render.charts import WIDTH, colour, log_axis, log_scale
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
 from oarlock.tables.figures import shown
-from oarlock.tables.folder import ResultFolder
+from oarlock.tables.folder import OCCASION, ResultFolder, occasion_of
 from oarlock.tables.ledger import TABLE
-from oarlock.tables.provenance import OCCASION, occasion_of
 
 PANELS = {
     "drift_pos_max": "drift (m or rad)",

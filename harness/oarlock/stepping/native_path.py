@@ -15,17 +15,7 @@ from oarlock.base.errors import InputError, RefusedError, one_line
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.mechanics.inequalities import refuse_inequalities
 from oarlock.stepping.ending import Ending
-from oarlock.stepping.path import (
-    REFERENCE_SOLVER,
-    SOLVER_BESIDE,
-    SPOOLS,
-    TICK_STEPS,
-    Make,
-    Spools,
-    Tables,
-    Tick,
-    silent,
-)
+from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.columns import table_of_columns
@@ -92,7 +82,7 @@ class NativePath:
     ) -> Tables:
         """As ``Path``."""
         make = self._make
-        questions = [(form, make(REFERENCE_SOLVER), [make(spec) for spec in solvers]) for form in forms]
+        questions = [(form, [make(spec) for spec in solvers]) for form in forms]
         leader = None if walker.name == MUJOCO else make(walker)
         last = make(projector) if projector else None
         run = self.core.lockstep(self._prepared.steps, questions, leader, last)
@@ -108,7 +98,6 @@ class NativePath:
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
-        reference: SolverSpec = REFERENCE_SOLVER,
     ) -> Tables:
         """As ``Path``."""
         steps, make = self._prepared.steps, self._make
@@ -116,7 +105,7 @@ class NativePath:
             return self._walk("mujoco", self.core.free_mujoco(steps))
         last = make(projector) if projector else None
         beside = make(SOLVER_BESIDE) if form == "hard" else None
-        return self._walk("free", self.core.free_solved(steps, form, make(solver), make(reference), last, beside))
+        return self._walk("free", self.core.free_solved(steps, form, make(solver), last, beside))
 
     def _walk(self, walk: Walk, run: core.Run, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""

@@ -7,7 +7,7 @@ from typing import Protocol
 from oarlock.base.core import MultiplierSolver
 from oarlock.cases.case_file import Form
 from oarlock.stepping.ending import Ending
-from oarlock.stepping.solvers import BESIDE, RUN_REFERENCE, SolverSpec
+from oarlock.stepping.solvers import BESIDE, SolverSpec
 from oarlock.tables import spool
 from oarlock.tables.schema import SCHEMA
 from oarlock.tables.spool import Spool
@@ -30,9 +30,6 @@ Tables = tuple[list[Spool], Ending | None]
 
 TICK_STEPS = 200
 """Steps between two reports of progress, and between two looks at interruptions."""
-
-REFERENCE_SOLVER = SolverSpec(RUN_REFERENCE)
-"""Whose multipliers count as the minimum-norm ones along a walk."""
 
 SOLVER_BESIDE = SolverSpec(BESIDE)
 """Who walks beside an exact run with half the timestep."""
@@ -86,12 +83,10 @@ class Path(Protocol):
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
-        reference: SolverSpec = REFERENCE_SOLVER,
     ) -> Tables:
         """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form.
 
-        ``reference`` says what the minimum-norm multipliers of a solver's states are, and the rank. In the hard form
-        another walk is taken beside it, with half the timestep, which tells its error. Not in the matched one: MuJoCo's
-        softness hangs on the timestep, so that at half of it the question is another.
+        In the hard form another walk is taken beside it, with half the timestep, which tells its error. Not in the
+        matched one: MuJoCo's softness hangs on the timestep, so that at half of it the question is another.
         """
         ...

@@ -14,36 +14,26 @@ import numpy as np
 
 from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.core import MultiplierSolver
-from oarlock.base.errors import InputError
+from oarlock.base.errors import DiskError, InputError
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.prepare import integrator_of, unsolved
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.figures import Row, answered, parity, place, projecting, solving
-from oarlock.stepping.path import (
-    REFERENCE_SOLVER,
-    SOLVER_BESIDE,
-    SPOOLS,
-    TICK_STEPS,
-    Make,
-    Spools,
-    Tables,
-    Tick,
-    silent,
-)
+from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Question, SolvedForce
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.stepping.state import State
-from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_sane
+from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_sane, walk
 from oarlock.tables.columns import table_of_rows
 from oarlock.tables.figures import Walk
 from oarlock.tables.spool import Spool
 
-Asked = tuple[Form, MultiplierSolver, list[MultiplierSolver]]
-"""A form, the solver whose multipliers count as the minimum-norm ones, and the solvers held against it."""
+Asked = tuple[Form, list[MultiplierSolver]]
+"""A form, and who answers in it."""
 
 HELD_ROWS = 1000
 """Rows that are kept as dictionaries at most."""
@@ -99,7 +89,7 @@ class PythonPath:
         """As ``Path``."""
         make = self._make
         leader = None if walker.name == MUJOCO else make(walker)
-        asked: list[Asked] = [(form, make(REFERENCE_SOLVER), [make(spec) for spec in solvers]) for form in forms]
+        asked: list[Asked] = [(form, [make(spec) for spec in solvers]) for form in forms]
         experiment = Lockstep(self._prepared, self._terms, leader, projector, asked)
         return self._walk(experiment, len(forms) * len(solvers))
 
@@ -113,15 +103,13 @@ class PythonPath:
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
-        reference: SolverSpec = REFERENCE_SOLVER,
     ) -> Tables:
         """As ``Path``."""
         if form is None:
             return self._walk(FreeMujoco(self._prepared, self._terms))
-        own, other = self._make(solver), self._make(reference)
         beside = self._make(SOLVER_BESIDE) if form == "hard" else None
         halved = Halved(self._prepared, self._terms, beside, projector) if beside else None
-        return self._walk(FreeSolved(self._prepared, self._terms, form, own, projector, other, halved))
+        return self._walk(FreeSolved(self._prepared, self._terms, form, self._make(solver), projector, halved))
 
     def _walk(self, experiment: Experiment, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""
@@ -132,28 +120,52 @@ class PythonPath:
         return [table.whole() for table in tables], ending
 
     def _take_steps(self, experiment: Experiment, tables: list["_Table"]) -> Ending | None:
-        walker, steps = experiment.walker, self._prepared.steps
-        for step in range(steps):
-            try:
-                began = time.perf_counter()
-                walker.look()
-                looked = time.perf_counter()
-                if not bounded(walker.data.qacc):
-                    return Ending(step, walker.data.time)
-                rows = experiment.begin(step)
-                recorded = time.perf_counter()
-                walker.step()
-                step_us = 1e6 * (time.perf_counter() - recorded + looked - began)
-                experiment.complete(rows)
-            except InputError as error:
-                return Ending(step, walker.data.time, error)
-            for table, row in zip(tables, rows, strict=True):
-                table.append({**row, "step_us": step_us})
-            if not is_sane(walker.data):
-                return Ending(step, walker.data.time)
-            if (step + 1) % TICK_STEPS == 0 or step + 1 == steps:
-                self._tick(step % TICK_STEPS + 1)
+        recorder, steps = _Recorder(experiment, tables), self._prepared.steps
+        try:
+            for step in walk(recorder, steps):
+                if step > 0 and step % TICK_STEPS == 0:
+                    self._tick(TICK_STEPS)
+        except DiskError:  # no question of the walk: its table cannot be kept
+            raise
+        except InputError as error:
+            return Ending(recorder.taken, recorder.data.time, error)
+        if not is_sane(recorder.data):
+            return Ending(recorder.taken - 1, recorder.data.time)
+        if recorder.taken < steps:
+            return Ending(recorder.taken, recorder.data.time)
+        self._tick((steps - 1) % TICK_STEPS + 1)
         return None
+
+
+class _Recorder:
+    """The walker of an experiment, which writes the rows of its steps."""
+
+    def __init__(self, experiment: Experiment, tables: list["_Table"]):
+        self._experiment, self._tables = experiment, tables
+        self._walker = experiment.walker
+        self.data = self._walker.data
+        self.taken = 0
+
+    def look(self) -> None:
+        """As ``Walker``; begins the rows."""
+        began = time.perf_counter()
+        self._walker.look()
+        self._look_s = time.perf_counter() - began
+        self._rows = self._experiment.begin(self.taken) if bounded(self.data.qacc) else []
+
+    def step(self) -> None:
+        """As ``Walker``; completes the rows."""
+        began = time.perf_counter()
+        self._walker.step()
+        step_us = 1e6 * (time.perf_counter() - began + self._look_s)
+        self._experiment.complete(self._rows)
+        for table, row in zip(self._tables, self._rows, strict=True):
+            table.append({**row, "step_us": step_us})
+        self.taken += 1
+
+    def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
+        """As ``Walker``."""
+        return self._walker.mujoco_answer()
 
 
 class _Table:
@@ -284,7 +296,7 @@ class Lockstep:
         self.walker: Walker = MujocoWalker(model, data)
         if self._force is not None:
             self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
-        self._asked = [(Question(self._state, form), reference, solvers) for form, reference, solvers in asked]
+        self._asked = [(Question(self._state, form), solvers) for form, solvers in asked]
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``, form by form."""
@@ -292,11 +304,11 @@ class Lockstep:
         state.read()
         qacc, qfrc = self.walker.mujoco_answer()
         rows = []
-        for question, reference, solvers in self._asked:
+        for question, solvers in self._asked:
             question.ask()
-            minimum, known = question.solve(reference)
             for solver in solvers:
                 answer = question.answer(solver)
+                minimum, known = question.reference(solver)
                 row = answered(self._prepared, step, state, answer.qacc, answer.multipliers)
                 rows.append({**row, **parity(answer, minimum, qacc, qfrc), **solving([answer.info], known)})
         return rows
@@ -390,7 +402,6 @@ class FreeSolved:
         form: Form,
         solver: MultiplierSolver,
         projector: SolverSpec | None,
-        reference: MultiplierSolver,
         halved: Halved | None,
     ):
         self._prepared = prepared
@@ -401,13 +412,12 @@ class FreeSolved:
         self._projector = Projector(model, solver=projector) if projector else None
         self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
         self._theirs, self._halved = Companion(prepared), halved
-        self._reference = reference
         self._energy = Energy(prepared.model)
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``; its solves are counted when the step is taken."""
         prepared, data = self._prepared, self.walker.data
-        minimum, self._known = self._force.question.solve(self._reference)
+        minimum, self._known = self._force.question.reference(self._force.solver)
         return [
             {
                 **answered(prepared, step, self._state, data.qacc, data.efc_force),

@@ -44,11 +44,16 @@ class Question:
         """Assembles A and b from the state as it was last read."""
         state = self.state
         aref, softness = state.question(self.form)
+        self._inertia.hold_rank(state.data)
         self._inertia.assemble(state.data, state.jacobian, state.unconstrained, aref, softness)
 
     def solve(self, solver: core.MultiplierSolver) -> tuple[np.ndarray, core.Info]:
         """Solves for the multipliers λ (ne); returns them and what the solver reports."""
         return solver.solve_system(self._inertia.system)
+
+    def reference(self, solver: core.MultiplierSolver) -> tuple[np.ndarray, core.Info]:
+        """The minimum-norm multipliers λ (ne) by the direct solver that judges ``solver``, and its figures."""
+        return self._inertia.system.reference(solver)
 
     def answer(self, solver: core.MultiplierSolver) -> Answer:
         """Solves for the multipliers and computes the accelerations and forces that follow."""
@@ -62,7 +67,7 @@ class SolvedForce:
 
     def __init__(self, state: State, form: Form, solver: core.MultiplierSolver):
         self.question = Question(state, form)
-        self._state, self._solver = state, solver
+        self._state, self.solver = state, solver
         self._infos: list[core.Info] = []
 
     def take_infos(self) -> list[core.Info]:
@@ -74,7 +79,7 @@ class SolvedForce:
         """Solves the question of a state and writes qacc, qfrc_constraint and efc_force."""
         self._state.read()
         self.question.ask()
-        answer = self.question.answer(self._solver)
+        answer = self.question.answer(self.solver)
         data.qacc[:] = answer.qacc
         data.qfrc_constraint[:] = answer.qfrc
         data.efc_force[:] = answer.multipliers

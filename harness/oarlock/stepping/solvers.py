@@ -14,10 +14,6 @@ REFERENCE = "pinv"
 """Solver whose multipliers count as the minimum-norm ones of a single state."""
 
 
-RUN_REFERENCE = "pinv-tracked"
-"""Solver whose multipliers count as the minimum-norm ones along a run; it starts from the last step's eigenvectors."""
-
-
 BESIDE = "auto"
 """Solver of the walk at half the timestep that tells the error of a run, its solver's included."""
 

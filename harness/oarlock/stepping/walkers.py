@@ -5,7 +5,7 @@
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Protocol
 
@@ -58,6 +58,22 @@ class Walker(Protocol):
     def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
         """MuJoCo's own qacc and qfrc_constraint (nv) at the present state."""
         ...
+
+
+def walk(walker: Walker, steps: int) -> Iterator[int]:
+    """Takes steps; at every number that it gives, the state at the start of that step is looked at.
+
+    It ends early, after the step that leaves positions or velocities beyond MuJoCo's bound or not finite, and before
+    one that begins with such accelerations.
+    """
+    for step in range(steps):
+        walker.look()
+        if not bounded(walker.data.qacc):
+            return
+        yield step
+        walker.step()
+        if not is_sane(walker.data):
+            return
 
 
 def _function(model: mujoco.MjModel) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:

@@ -18,6 +18,7 @@ from oarlock.tables.reductions import (
     median,
     others,
     ratio,
+    slope,
     smallest,
     total,
     total_after_first,
@@ -126,11 +127,16 @@ class Figure:
     sweep: str = ""
 
 
+_SETTLED = (pl.col("unconverged") == 0) & (pl.col("refreshes") == 0)
+
 FIGURES = (
     Figure("solves", total("solves"), None),
     Figure("unconverged", total("unconverged"), tolerance.GIVEN_UP),
     Figure("iterations_mean", ratio("iterations", "solves"), tolerance.MEAN, sweep="iterations a solve"),
     Figure("iterations_max", largest("iterations_worst"), tolerance.MOST),
+    Figure("products_mean", ratio("products", "solves"), tolerance.MEAN),
+    # Of solves that went as they should: one that gives up has products of its own.
+    Figure("products_per_iteration", slope("products", "iterations", _SETTLED), tolerance.MEAN),
     # The first solve of a fold has to start from something; the folds after the first are counted apart.
     Figure("refreshes", total_after_first("refreshes"), tolerance.RESTARTS),
     Figure("refolds", total_if_any("refolds"), tolerance.RESTARTS),

@@ -11,10 +11,20 @@ import polars as pl
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import reading, replacing, write_text
-from oarlock.tables.spool import GROUP
 
 if TYPE_CHECKING:
     from oarlock.tables.schema import RunResult
+
+GROUP = 20_000
+"""Rows per group of a Parquet file, which its writer and its reader hold in memory."""
+
+OCCASION = ("commit", "date", "cores", "kernel")
+"""Keys of a provenance that differ from one occasion to the next."""
+
+
+def occasion_of(provenance: dict[str, Any]) -> dict[str, Any]:
+    """Returns the part of a provenance that differs from one occasion to the next; None for what it lacks."""
+    return {key: provenance.get(key) for key in OCCASION}
 
 
 class ResultFolder:

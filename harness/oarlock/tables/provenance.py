@@ -18,15 +18,6 @@ from oarlock.base import core
 if TYPE_CHECKING:
     from oarlock.cases.case import Case
 
-OCCASION = ("commit", "date", "cores", "kernel")
-"""Keys of a provenance that differ from one occasion to the next."""
-
-
-def occasion_of(provenance: dict[str, Any]) -> dict[str, Any]:
-    """Returns the part of a provenance that differs from one occasion to the next; None for what it lacks."""
-    return {key: provenance.get(key) for key in OCCASION}
-
-
 _PACKAGES = ("mujoco", "numpy", "scipy", "polars", "altair", "vl-convert-python")
 
 

@@ -3,12 +3,15 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 
 from oarlock.base.numbers import finite
-from oarlock.tables.spool import Spool
+
+if TYPE_CHECKING:
+    from oarlock.tables.spool import Spool
 
 Number = float | int | None
 """A JSON number, or None."""
@@ -27,7 +30,7 @@ class Reduction:
     make: Callable[..., Number] = finite
 
 
-Alone = Callable[[Spool], Number]
+Alone = Callable[["Spool"], Number]
 """A reduction that goes through the steps by itself."""
 
 
@@ -63,6 +66,12 @@ def ratio(column: str, over: str) -> Reduction:
     return Reduction((pl.col(column).sum(), pl.col(over).sum()), _over)
 
 
+def slope(column: str, over: str, where: pl.Expr) -> Reduction:
+    """How much more of a whole number one more of another takes, by least squares over the steps where it is so."""
+    x, y = (pl.col(name).filter(where & pl.col(column).is_not_null()) for name in (over, column))
+    return Reduction((x.len(), x.sum(), y.sum(), (x * x).sum(), (x * y).sum()), _slope)
+
+
 def mean(column: str) -> Reduction:
     """The mean of the steps that have it."""
     return Reduction((pl.col(column).sum(), pl.col(column).count()), _over)
@@ -77,7 +86,7 @@ def others(column: str, word: str) -> Reduction:
 def median(figure: pl.Expr) -> Alone:
     """The median of the steps that have the figure. It needs a whole column, and holds nothing else."""
 
-    def of(steps: Spool) -> Number:
+    def of(steps: "Spool") -> Number:
         values, count = np.empty(len(steps)), 0
         for chunk in steps.chunks(figure.meta.root_names()):
             found = chunk.select(figure).to_series().drop_nulls().to_numpy()
@@ -96,7 +105,7 @@ def median(figure: pl.Expr) -> Alone:
 def change(column: str, scale: str) -> Alone:
     """The largest change of a column since the first step, relative to the largest entry of another."""
 
-    def of(steps: Spool) -> Number:
+    def of(steps: "Spool") -> Number:
         column_first = pl.col(column).first()
         start, most = steps.collect(column_first, pl.col(scale).fill_null(math.nan).nan_max()).row(0)
         if start is None or not most:
@@ -109,3 +118,8 @@ def change(column: str, scale: str) -> Alone:
 
 def _over(found: float, count: float) -> float | None:
     return found / count if count else None
+
+
+def _slope(count: int, x: int, y: int, xx: int, xy: int) -> float | None:
+    spread = count * xx - x * x
+    return (count * xy - x * y) / spread if spread else None

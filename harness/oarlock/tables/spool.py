@@ -11,6 +11,7 @@ from polars.io.plugins import register_io_source
 
 from oarlock.base.errors import DiskError
 from oarlock.base.files import reason
+from oarlock.tables.folder import GROUP
 
 Schema = Mapping[str, pl.DataType | type[pl.DataType]]
 
@@ -25,9 +26,6 @@ PART = 4 * 2**20
 
 SLICE = 1000
 """Rows that a table on disk hands to polars at once. polars reads ahead one such slice per core."""
-
-GROUP = 20_000
-"""Rows per group of a Parquet file, which its writer and its reader hold in memory."""
 
 
 class Spool:

@@ -83,7 +83,7 @@ impl Contestant {
         x: &mut [f64],
     ) -> Result<usize, Error> {
         match self {
-            Self::Ours(solver) => Ok(system.solve(&mut **solver, Wanted::Multipliers, x)?.products),
+            Self::Ours(solver) => Ok(system.solve_unchecked(&mut **solver, Wanted::Multipliers, x)?.products),
             Self::Library(_, solve) => {
                 x.copy_from_slice(vectorised(|| solve(matrix, rhs)).as_slice());
                 Ok(0)

@@ -12,16 +12,19 @@ pub enum Status {
     /// The iteration could not go on, because of an overflow, an x beyond all bounds, no curvature or no progress. The
     /// multipliers are chosen as for [`IterationLimit`](Self::IterationLimit).
     Breakdown,
+    /// The stopping test of the solver was met, but the acceleration is not what an independent solve of the same step gives.
+    Inaccurate,
 }
 
 impl Status {
-    /// Returns the name used in tables: `converged`, `iteration-limit` or `breakdown`.
+    /// Returns the name used in tables: `converged`, `iteration-limit`, `breakdown` or `inaccurate`.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Converged => "converged",
             Self::IterationLimit => "iteration-limit",
             Self::Breakdown => "breakdown",
+            Self::Inaccurate => "inaccurate",
         }
     }
 }
@@ -44,6 +47,11 @@ pub struct Info {
     pub rank: Option<usize>,
     /// Error of the null-space basis N that the solver used, ‖A N‖ / ‖A‖.
     pub null_residual: Option<f64>,
+    /// How many times the eigenvalue nearest to the rank cut of its block is larger or smaller than the cut. Pivots stand for
+    /// eigenvalues where the solver has none.
+    pub margin: Option<f64>,
+    /// Residual ‖A x − b‖ / ‖b‖ that the stopping test allows; 0 for a direct solver.
+    pub tolerance: f64,
     /// Whether the carried pseudo-inverse was recomputed from scratch in this solve.
     pub refreshed: bool,
     /// Number of updates that were skipped or replaced by a safer one.
@@ -66,6 +74,8 @@ impl Info {
             inconsistency: Some(norm),
             rank: Some(0),
             null_residual: Some(0.0),
+            margin: None,
+            tolerance: 0.0,
             refreshed: false,
             fallbacks: 0,
             folded: 0,

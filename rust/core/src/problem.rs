@@ -1,12 +1,14 @@
 //! The problem of one step as a solver sees it: A as an operator, b, and A itself if the solver asks for it.
 
+pub mod blocks;
 pub(crate) mod fold;
 pub(crate) mod step;
 
+pub use blocks::Blocks;
 pub use fold::{FOLD_TOLERANCE, Fold};
 pub use step::{FactoredStep, StepView, Whiten};
 
-use crate::linalg::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr, gemv, gram};
+use crate::linalg::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr, gemv, gram, norm};
 use crate::linalg::skyline;
 use crate::linalg::spans::Spans;
 
@@ -34,6 +36,7 @@ pub enum Wanted {
 pub struct Problem<'a> {
     /// What is wanted of the solver.
     pub wanted: Wanted,
+    pub(crate) blocks: &'a mut Blocks,
     pub(crate) whitened: &'a [f64],
     /// Of the columns of W.
     pub(crate) spans: &'a Spans,
@@ -90,6 +93,36 @@ impl Problem<'_> {
         }
     }
 
+    /// Returns √(xᵀ A x) of some `rows` of x: of hard constraints the acceleration M⁻¹ Jᵀ x in the norm of M. `work` is workspace.
+    pub(crate) fn acceleration_norm(&self, rows: &[usize], x: &[f64], work: &mut Vec<f64>) -> f64 {
+        let (n, nv) = (self.len(), self.work.len());
+        if nv == 0 {
+            let row_sum = |&row: &usize| {
+                x[row] * rows.iter().map(|&col| self.dense[row * n + col] * x[col]).sum::<f64>()
+            };
+            return rows.iter().map(row_sum).sum::<f64>().max(0.0).sqrt();
+        }
+        // W x before its square: rounding of a part of x in null(A) would stand beside it otherwise.
+        work.clear();
+        work.resize(nv, 0.0);
+        for &row in rows {
+            let column = &self.whitened[row * nv..(row + 1) * nv];
+            axpy(x[row], self.spans.cut(row, column), self.spans.cut_mut(row, work));
+        }
+        let soft = |softness: &[f64]| rows.iter().map(|&row| softness[row] * x[row] * x[row]).sum::<f64>();
+        norm(work).hypot(self.softness.map_or(0.0, soft).sqrt())
+    }
+
+    /// Returns an entry of the diagonal of A.
+    pub(crate) fn diagonal(&self, row: usize) -> f64 {
+        let nv = self.work.len();
+        if *self.formed {
+            return self.dense[row * (self.len() + 1)];
+        }
+        let column = &self.whitened[row * nv..(row + 1) * nv];
+        dot(column, column) + self.softness.map_or(0.0, |softness| softness[row])
+    }
+
     /// Computes Y = A X for a few columns at once (`n×d` each). `scratch` is workspace that grows as needed.
     pub fn apply_columns(&mut self, x: &[f64], y: &mut [f64], scratch: &mut Vec<f64>) {
         let (n, nv) = (self.len(), self.work.len());
@@ -114,6 +147,18 @@ impl Problem<'_> {
                 }
             }
         }
+    }
+
+    /// Returns the blocks of rows and the ranks that they hold.
+    #[must_use]
+    pub const fn blocks(&self) -> &Blocks {
+        self.blocks
+    }
+
+    /// Returns A as [`matrix`](Self::matrix) does, beside the blocks, whose ranks its eigenvalues decide.
+    pub(crate) fn matrix_and_blocks(&mut self) -> (&[f64], &mut Blocks) {
+        self.matrix();
+        (self.dense, self.blocks)
     }
 
     /// Returns A (`n×n`, symmetric, so both column-major and row-major), which is formed at the first call of a step.
@@ -149,6 +194,12 @@ impl Problem<'_> {
                 a[col * n + row] = entry;
             }
         }
+    }
+
+    /// Returns the smallest diagonal entry of A.
+    #[must_use]
+    pub fn least_diagonal(&self) -> f64 {
+        (0..self.len()).map(|row| self.diagonal(row)).fold(f64::INFINITY, f64::min)
     }
 
     /// Returns trace(A), which is at least ‖A‖ and at most n ‖A‖.

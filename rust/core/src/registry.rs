@@ -13,6 +13,7 @@ use crate::solvers::quasi_newton::{Bfgs, Dfp, QuasiNewton, Sr1Update};
 use crate::solvers::regularised::Regularised;
 use crate::solvers::solver::{MultiplierSolver, Solver};
 use crate::solvers::sr1::Sr1;
+use crate::solvers::svd::Svd;
 use crate::solvers::tracked::Tracked;
 
 /// An entry of the registry.
@@ -48,6 +49,7 @@ pub static SOLVERS: &[SolverKind] = &[
     SolverKind::of::<QuasiNewton<Dfp>>(),
     SolverKind::of::<Pinv>(),
     SolverKind::of::<PinvTracked>(),
+    SolverKind::of::<Svd>(),
     SolverKind::of::<Cholesky>(),
     SolverKind::of::<Regularised>(),
     SolverKind::of::<Krylov<Cg>>(),

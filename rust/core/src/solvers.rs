@@ -8,6 +8,7 @@
 //! | [`quasi_newton`] | `sr1-classic`, `bfgs`, `dfp`: what the paper compares with, carried the same way |
 //! | [`pinv`] | `pinv`: the reference, a pseudo-inverse from a symmetric eigendecomposition |
 //! | [`pinv_tracked`] | `pinv-tracked`: the same to rounding, from eigenvectors refined from step to step |
+//! | [`svd`] | `svd`: a second reference, from the singular values of L⁻¹Jᵀ |
 //! | [`cholesky`] | `cholesky`: rank-revealing, minimum norm through a basis of the null space |
 //! | [`regularised`] | `cholesky-regularised`: Cholesky of A + ε E with proximal steps |
 //! | [`cg`], [`minres`] | `cg`, `minres`: conjugate gradients and minimum residuals, in the frame of [`krylov`] |
@@ -29,6 +30,7 @@ pub mod quasi_newton;
 pub mod regularised;
 pub mod solver;
 pub mod sr1;
+pub mod svd;
 pub mod tracked;
 
 pub use eigen::RANK_CUT;

@@ -1,9 +1,16 @@
 //! The system A λ = b of one step: from a [`StepView`] to what a solver sees, and from multipliers back to accelerations.
 
+mod check;
 mod given;
+mod inspect;
+mod judge;
+mod scale;
 
 use std::mem;
 
+pub use self::judge::ACCURATE;
+use self::judge::Judges;
+use self::scale::{exponent_of_factor, exponent_of_small, power_of_two};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::error::{Error, LARGEST, check_finite, check_len, check_size};
@@ -12,7 +19,7 @@ use crate::linalg::kernels::{axpy, dot, norm};
 use crate::linalg::spans::{Envelope, Spans};
 use crate::problem::fold::{Fold, scaled_copy};
 use crate::problem::step::{FactoredStep, StepView, Whiten};
-use crate::problem::{Needs, Problem, Wanted};
+use crate::problem::{Blocks, Needs, Problem, Wanted};
 use crate::solvers::solver::MultiplierSolver;
 
 /// Largest asymmetry of a dense A that a caller hands over, relative to its largest entry. `A = J M⁻¹ Jᵀ` computed in any
@@ -35,6 +42,14 @@ pub struct ConstrainedSystem {
     refolded: bool,
     /// ‖b − T Tᵀ b‖.
     outside: f64,
+    blocks: Blocks,
+    /// Exponents of the powers of two that W and b were multiplied by, lest squares of their entries underflow; 0 next to always.
+    exponent: i32,
+    rhs_exponent: i32,
+    /// Constraint of every row; see [`set_constraints`](Self::set_constraints).
+    constraints: Vec<usize>,
+    /// Gap of the next step; see [`hold_rank`](Self::hold_rank).
+    gap: Option<f64>,
     /// L; empty where the inertia is somebody else's.
     mass_factor: DMatrix<f64>,
     jacobian_t: DMatrix<f64>,
@@ -58,6 +73,7 @@ pub struct ConstrainedSystem {
     unconstrained: DVector<f64>,
     work: DVector<f64>,
     solution: Vec<f64>,
+    judges: Judges,
 }
 
 impl ConstrainedSystem {
@@ -103,48 +119,35 @@ impl ConstrainedSystem {
         &self.fold
     }
 
+    /// Returns the blocks of rows that A does not couple, of those that folding left.
+    #[must_use]
+    pub const fn blocks(&self) -> &Blocks {
+        &self.blocks
+    }
+
+    /// Says how far the rows of the next step stand open, as a part of the extent of the mechanism (the largest deviation of a
+    /// row over that extent), and asks to hold the rank along the path that the step belongs to.
+    ///
+    /// The first such step of a system decides the rank and should be closed to rounding. A later step without this
+    /// call is cut on its own. See [`blocks`](crate::problem::blocks).
+    pub fn hold_rank(&mut self, gap: f64) {
+        self.gap = Some(if gap.is_finite() { gap } else { f64::MAX });
+    }
+
+    /// Tells which constraint each row (`n`) of the steps to come belongs to: the three rows of a connect belong to one. Rows of a
+    /// constraint have one unit; without this call all rows have.
+    pub fn set_constraints(&mut self, constraints: impl Iterator<Item = usize> + Clone) {
+        if !self.constraints.iter().copied().eq(constraints.clone()) {
+            self.constraints.clear();
+            self.constraints.extend(constraints);
+            self.blocks.invalidate();
+        }
+    }
+
     /// Returns how often the classes of the fold no longer held and were found anew.
     #[must_use]
     pub const fn refolds(&self) -> usize {
         self.refolds
-    }
-
-    /// Computes A (`n×n`, symmetric, so both row-major and column-major) before folding. This is for inspection, not for a step
-    /// loop.
-    #[must_use]
-    pub fn full_matrix(&self) -> Vec<f64> {
-        let matrix = match self.nv() {
-            0 => return self.given.as_slice().to_vec(),
-            _ if self.mass_factor.is_empty() => self.unfolded_matrix(),
-            _ => self.product_matrix(),
-        };
-        matrix.data.into()
-    }
-
-    /// J M⁻¹ Jᵀ (+ R).
-    fn product_matrix(&self) -> DMatrix<f64> {
-        let mut whitened = self.jacobian_t.clone();
-        self.mass_factor.solve_lower_triangular_mut(&mut whitened);
-        let mut matrix = whitened.tr_mul(&whitened);
-        for (i, softness) in self.softness.iter().flatten().enumerate() {
-            matrix[(i, i)] += softness;
-        }
-        matrix
-    }
-
-    /// T A Tᵀ (+ R) of the reduced A.
-    fn unfolded_matrix(&self) -> DMatrix<f64> {
-        let reduced = self.whitened.tr_mul(&self.whitened);
-        let shares: Vec<_> = self.fold.shares().collect();
-        let mut matrix =
-            DMatrix::from_fn(self.len(), self.len(), |row, col| match (shares[row], shares[col]) {
-                (Some((row, share)), Some((col, other))) => share * other * reduced[(row, col)],
-                _ => 0.0,
-            });
-        for (i, softness) in self.softness.iter().flatten().enumerate() {
-            matrix[(i, i)] += softness;
-        }
-        matrix
     }
 
     /// Makes a solver that needs A form it once more, as on a new step. This is for timing.
@@ -163,6 +166,7 @@ impl ConstrainedSystem {
     fn problem(&mut self, wanted: Wanted) -> Problem<'_> {
         Problem {
             wanted,
+            blocks: &mut self.blocks,
             whitened: self.whitened.as_slice(),
             spans: &self.whitened_spans,
             envelope: self.envelope.narrow(),
@@ -179,6 +183,9 @@ impl ConstrainedSystem {
             return;
         }
         *self = Self {
+            gap: self.gap,
+            constraints: mem::take(&mut self.constraints),
+            judges: mem::take(&mut self.judges),
             jacobian_t: DMatrix::zeros(nv, n),
             rhs: DVector::zeros(n),
             unconstrained: DVector::zeros(nv),
@@ -201,6 +208,7 @@ impl ConstrainedSystem {
         if !foldable {
             self.planned = false;
             if !(self.fold.is_identity() && self.fold.rows() == n) {
+                self.blocks.invalidate();
                 self.fold = Fold::identity(n);
             }
         } else if !(self.planned && self.refit()) {
@@ -211,6 +219,7 @@ impl ConstrainedSystem {
                 nv => Fold::find(self.jacobian_t.as_slice(), nv),
             };
             self.planned = true;
+            self.blocks.invalidate();
         }
         let reduced = self.fold.reduced();
         if self.reduced_rhs.len() != reduced || self.dense.nrows() != reduced {
@@ -223,6 +232,8 @@ impl ConstrainedSystem {
             self.solution = vec![0.0; reduced];
         }
         self.formed = false;
+        self.exponent = 0;
+        self.judges.adjourn();
     }
 
     /// Assembles the system of one step.
@@ -342,6 +353,13 @@ impl ConstrainedSystem {
             // Only the envelope is written to from now on.
             self.dense.fill(0.0);
         }
+        if !self.blocks.hold(columns, nv, self.gap.is_some()) {
+            self.blocks.find(columns, nv, self.fold.shares().map(|share| share.map(|(class, _)| class)));
+            let known = self.constraints.len() == self.fold.rows();
+            let representatives = self.fold.representatives().iter().filter(|_| known);
+            self.blocks.set_constraints(representatives.map(|&row| self.constraints[row]));
+        }
+        self.blocks.step(self.gap.take().filter(|_| self.softness.is_none()));
     }
 
     /// b = aref − J a₀.
@@ -351,15 +369,25 @@ impl ConstrainedSystem {
         for (index, ((entry, aref), row)) in self.rhs.iter_mut().zip(aref).zip(rows).enumerate() {
             *entry = aref - dot(self.spans.cut(index, row), self.spans.cut(index, start));
         }
+        self.reduce_rhs();
+    }
+
+    /// b of the reduced rows, scaled where it is small.
+    fn reduce_rhs(&mut self) {
         self.outside = self.fold.reduce(self.rhs.as_slice(), self.reduced_rhs.as_mut_slice());
+        self.rhs_exponent = exponent_of_small(self.reduced_rhs.amax());
+        if self.rhs_exponent != 0 {
+            self.reduced_rhs *= power_of_two(self.rhs_exponent);
+        }
     }
 
     /// Finite input can still overflow: the diagonal of A bounds its other entries.
     fn check_overflow(&mut self) -> Result<(), Error> {
-        let (n, nv) = (self.reduced_rhs.len(), self.nv());
+        let (n, nv, mut most) = (self.reduced_rhs.len(), self.nv(), 0.0_f64);
         let overflow = (0..n).find_map(|i| {
             let column = self.whitened_spans.cut(i, &self.whitened.as_slice()[i * nv..(i + 1) * nv]);
             let entry = dot(column, column) + self.softness.as_ref().map_or(0.0, |softness| softness[i]);
+            most = most.max(entry);
             (!entry.is_finite() || entry > LARGEST).then_some((i * n + i, entry))
         });
         let checked = match overflow {
@@ -367,17 +395,39 @@ impl ConstrainedSystem {
             Some((index, value)) => Err(Error::NonFinite { what: "A", index, value }),
             None => check_size("b", self.rhs.as_slice()),
         };
-        checked.inspect_err(|_| *self = Self::default())
+        checked.inspect_err(|_| *self = Self::default())?;
+        self.exponent = exponent_of_factor(self.whitened.as_slice(), most);
+        if self.exponent != 0 {
+            self.whitened *= power_of_two(self.exponent);
+            self.softness.iter_mut().flatten().for_each(|entry| *entry *= power_of_two(2 * self.exponent));
+        }
+        Ok(())
     }
 
-    /// Solves A λ = b with `solver` and writes λ to `multipliers` (`n`).
+    /// Solves A λ = b with `solver`, writes λ to `multipliers` (`n`), and holds it to its word: see [`check`](Self::check). The
+    /// status [`Converged`](crate::Status::Converged) then means that the acceleration is right, whatever solver it was.
+    ///
+    /// # Errors
+    /// Those of [`solve_unchecked`](Self::solve_unchecked).
+    pub fn solve(
+        &mut self,
+        solver: &mut dyn MultiplierSolver,
+        wanted: Wanted,
+        multipliers: &mut [f64],
+    ) -> Result<Info, Error> {
+        let mut info = self.solve_unchecked(solver, wanted, multipliers)?;
+        self.check(solver, multipliers, &mut info)?;
+        Ok(info)
+    }
+
+    /// Solves as [`solve`](Self::solve) does and takes the status from the solver: what the solver itself costs.
     ///
     /// If λ or its residual overflows, that is an error, and the solver starts anew, as after
     /// [`reset`](MultiplierSolver::reset). Products A b below 1e-150 may underflow and count as zero.
     ///
     /// # Errors
     /// Those of the solver, [`Error::Shape`], and [`Error::NonFinite`] where λ or its residual overflow.
-    pub fn solve(
+    pub fn solve_unchecked(
         &mut self,
         solver: &mut dyn MultiplierSolver,
         wanted: Wanted,
@@ -402,11 +452,17 @@ impl ConstrainedSystem {
         self.solution = solution;
         let mut info = solved?;
         self.fold.expand(&self.solution, multipliers);
-        let norm = norm(self.rhs.as_slice());
-        if norm > 0.0 {
-            info.residual_rel *= self.reduced_rhs.norm() / norm;
+        let (scale, rhs_scale) = (power_of_two(self.exponent), power_of_two(self.rhs_exponent));
+        if (self.exponent, self.rhs_exponent) != (0, 0) {
+            for entry in multipliers.iter_mut() {
+                *entry = *entry * scale / rhs_scale * scale;
+            }
         }
-        info.inconsistency = info.inconsistency.map(|inside| inside.hypot(self.outside));
+        let (norm, inside) = (norm(self.rhs.as_slice()), norm(self.reduced_rhs.as_slice()) / rhs_scale);
+        if norm > 0.0 {
+            info.residual_rel *= inside / norm;
+        }
+        info.inconsistency = info.inconsistency.map(|part| (part / rhs_scale).hypot(self.outside));
         check_finite("multipliers", multipliers)
             .and_then(|()| check_finite("residual", &[info.residual_rel, info.inconsistency.unwrap_or(0.0)]))
             .inspect_err(|_| solver.reset())?;

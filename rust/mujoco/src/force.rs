@@ -21,8 +21,8 @@ pub struct Answer {
     pub info: Info,
     /// Wall time of the solve alone; zero where it is not taken.
     pub elapsed: Duration,
-    /// Whether it is taken: a look at the clock costs as much as a small solve.
-    pub timed: bool,
+    /// Whether it is taken, and the solver held to its word: a look at the clock costs as much as a small solve.
+    pub recorded: bool,
 }
 
 impl Answer {
@@ -35,7 +35,7 @@ impl Answer {
             qfrc: vec![0.0; nv],
             info: Info::trivial(0.0),
             elapsed: Duration::ZERO,
-            timed: true,
+            recorded: true,
         }
     }
 
@@ -51,37 +51,13 @@ impl Answer {
         solver: &mut dyn MultiplierSolver,
     ) -> Result<(), Error> {
         self.multipliers.resize(system.len(), 0.0);
-        let began = self.timed.then(Instant::now);
-        self.info = system.solve(solver, Wanted::Multipliers, &mut self.multipliers)?;
+        let began = self.recorded.then(Instant::now);
+        self.info = system.solve_unchecked(solver, Wanted::Multipliers, &mut self.multipliers)?;
         self.elapsed = began.map_or(Duration::ZERO, |began| began.elapsed());
+        if self.recorded {
+            system.check(solver, &self.multipliers, &mut self.info)?;
+        }
         state.acceleration(data, system, &self.multipliers, &mut self.qfrc, &mut self.qacc)
-    }
-}
-
-/// The solver whose multipliers count as the minimum-norm ones, and those of the question it was last asked.
-pub struct Reference {
-    /// λ, ne.
-    pub multipliers: Vec<f64>,
-    /// What the solver says of the question.
-    pub info: Info,
-    solver: Box<dyn MultiplierSolver>,
-}
-
-impl Reference {
-    /// Nothing asked yet.
-    #[must_use]
-    pub fn new(solver: Box<dyn MultiplierSolver>) -> Self {
-        Self { multipliers: Vec::new(), info: Info::trivial(0.0), solver }
-    }
-
-    /// Asks it.
-    ///
-    /// # Errors
-    /// Those of [`ConstrainedSystem::solve`].
-    pub fn ask(&mut self, system: &mut ConstrainedSystem) -> Result<(), Error> {
-        self.multipliers.resize(system.len(), 0.0);
-        self.info = system.solve(&mut *self.solver, Wanted::Multipliers, &mut self.multipliers)?;
-        Ok(())
     }
 }
 
@@ -150,8 +126,9 @@ pub struct SolvedForce {
     pub answer: Answer,
     /// The solves since it was last cleared: one a stage.
     pub tally: Tally,
+    /// Who solves.
+    pub solver: Box<dyn MultiplierSolver>,
     form: Form,
-    solver: Box<dyn MultiplierSolver>,
 }
 
 impl SolvedForce {

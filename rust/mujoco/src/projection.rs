@@ -8,7 +8,7 @@
 use oarlock_core::{ConstrainedSystem, FactoredStep, MultiplierSolver, Wanted};
 
 use crate::error::Error;
-use crate::inertia::Inertia;
+use crate::inertia::{Inertia, hold_rank};
 use crate::library::{Data, Jacobian, Model};
 use crate::vectors::{largest, sum, times};
 
@@ -211,6 +211,7 @@ impl Projector {
     /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ.
     fn correct(&mut self, data: &mut Data) -> Result<(), Error> {
         self.jacobian.read(data);
+        hold_rank(data, data.model().extent(), &mut self.system);
         let step = FactoredStep {
             jacobian: self.jacobian.entries(),
             unconstrained: &self.zero,
@@ -219,7 +220,8 @@ impl Projector {
         };
         self.inertia.assemble(data, &step, &mut self.system)?;
         self.multipliers.resize(self.wanted.len(), 0.0);
-        let info = self.system.solve(&mut *self.solver, Wanted::Multipliers, &mut self.multipliers)?;
+        let info =
+            self.system.solve_unchecked(&mut *self.solver, Wanted::Multipliers, &mut self.multipliers)?;
         self.solves += 1;
         self.iterations += i64::try_from(info.iterations).unwrap_or(i64::MAX);
         self.inertia.acceleration(data, &mut self.system, &self.multipliers, &mut self.qfrc, &mut self.step)

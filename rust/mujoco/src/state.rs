@@ -5,7 +5,7 @@ use oarlock_core::{ConstrainedSystem, FactoredStep};
 
 use crate::curvature::Curvature;
 use crate::error::Error;
-use crate::inertia::Inertia;
+use crate::inertia::{Inertia, hold_rank};
 use crate::library::{Data, Jacobian, Model};
 
 /// The form of a question.
@@ -37,6 +37,7 @@ pub struct State {
     jacobian: Jacobian,
     curvature: Vec<f64>,
     aref: Vec<f64>,
+    extent: f64,
 }
 
 impl State {
@@ -55,6 +56,7 @@ impl State {
             jacobian: Jacobian::default(),
             curvature: Vec::new(),
             aref: Vec::new(),
+            extent: model.extent(),
         })
     }
 
@@ -120,6 +122,7 @@ impl State {
             }
         }
         self.unconstrained.copy_from_slice(data.qacc_smooth());
+        hold_rank(data, self.extent, system);
         let step = FactoredStep {
             jacobian: self.jacobian.entries(),
             unconstrained: &self.unconstrained,

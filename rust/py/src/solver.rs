@@ -1,21 +1,22 @@
 //! Solvers and what they report, for Python.
 
 use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use oarlock_core as core;
 use oarlock_core::params::Value;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyInt};
 
-use crate::convert::{InputError, input_error, matrix, vector};
+use crate::convert::{InputError, alone, input_error, matrix, not_of_type, text, vector};
 use crate::system::ConstrainedSystem;
 
 /// The figures of one solve; a figure that the solver cannot know is None.
 #[pyclass(frozen, get_all, module = "oarlock._core")]
 pub struct Info {
-    /// converged, iteration-limit or breakdown.
+    /// converged, iteration-limit, breakdown or inaccurate.
     status: &'static str,
     /// Iterations, in the solver's own count; 0 for a direct solver.
     iterations: usize,
@@ -29,6 +30,8 @@ pub struct Info {
     rank: Option<usize>,
     /// ‖A N‖ / ‖A‖.
     null_residual: Option<f64>,
+    /// How many times the eigenvalue nearest to the rank cut is larger or smaller than that.
+    margin: Option<f64>,
     /// Whether the carried pseudo-inverse was recomputed.
     refreshed: bool,
     /// Updates skipped or replaced.
@@ -55,7 +58,7 @@ impl Info {
 }
 
 impl Info {
-    fn new(info: core::Info, elapsed: Duration) -> Self {
+    pub fn new(info: core::Info, elapsed: Duration) -> Self {
         Self {
             status: info.status.name(),
             iterations: info.iterations,
@@ -64,6 +67,7 @@ impl Info {
             inconsistency: info.inconsistency,
             rank: info.rank,
             null_residual: info.null_residual,
+            margin: info.margin,
             refreshed: info.refreshed,
             fallbacks: info.fallbacks,
             folded: info.folded,
@@ -74,10 +78,54 @@ impl Info {
 }
 
 /// Solves A λ = b one step after another, carrying what it learns. Made by `make_solver`.
-#[pyclass(module = "oarlock._core")]
+#[pyclass(frozen, module = "oarlock._core")]
 pub struct MultiplierSolver {
-    pub inner: Box<dyn core::MultiplierSolver>,
+    name: &'static str,
+    options: BTreeMap<String, Value>,
+    carried: Mutex<Carried>,
+}
+
+/// What a solver carries from step to step.
+pub struct Carried {
+    pub solver: Box<dyn core::MultiplierSolver>,
     dense: core::ConstrainedSystem,
+    /// The dense A (n×n) whose proportional rows are those of the fold. It is all that the next step needs of `dense`.
+    folded: Vec<f64>,
+}
+
+impl Clone for Carried {
+    fn clone(&self) -> Self {
+        Self { solver: self.solver.clone_box(), dense: self.dense.clone(), folded: self.folded.clone() }
+    }
+}
+
+impl Carried {
+    /// Takes the A and b of a step.
+    fn set(&mut self, matrix: &[f64], rhs: &[f64]) -> Result<(), core::Error> {
+        let before = (self.dense.len(), self.dense.refolds());
+        self.dense.set_dense(matrix, rhs)?;
+        if before != (self.dense.len(), self.dense.refolds()) {
+            self.folded = matrix.to_vec();
+        }
+        Ok(())
+    }
+}
+
+impl MultiplierSolver {
+    /// What it carries, for one thread.
+    pub fn take(&self) -> PyResult<MutexGuard<'_, Carried>> {
+        alone(|| format!("solver '{}'", self.name), &self.carried)
+    }
+
+    /// The same solver before its first step.
+    ///
+    /// # Errors
+    /// `InputError` if another thread is using it.
+    pub fn fresh(&self) -> PyResult<Box<dyn core::MultiplierSolver>> {
+        let mut solver = self.take()?.solver.clone_box();
+        solver.reset();
+        Ok(solver)
+    }
 }
 
 type Solution<'py> = (Bound<'py, PyArray1<f64>>, Info);
@@ -91,7 +139,10 @@ fn solve<'py>(
     let mut x = vec![0.0; system.len()];
     let (info, elapsed) = py.detach(|| {
         let start = Instant::now();
-        (system.solve(solver, wanted, &mut x), start.elapsed())
+        let solved = system.solve_unchecked(solver, wanted, &mut x);
+        let elapsed = start.elapsed();
+        let checked = solved.and_then(|mut info| system.check(solver, &x, &mut info).map(|()| info));
+        (checked, elapsed)
     });
     Ok((x.into_pyarray(py), Info::new(info.map_err(input_error)?, elapsed)))
 }
@@ -100,35 +151,41 @@ fn solve<'py>(
 impl MultiplierSolver {
     /// Name in the registry.
     #[getter]
-    fn name(&self) -> &'static str {
-        self.inner.name()
+    const fn name(&self) -> &'static str {
+        self.name
     }
 
     /// (x, info) of a dense A (n×n, symmetric positive semidefinite) and b (n).
-    #[allow(clippy::needless_pass_by_value)]
     #[pyo3(signature = (A, b))]
     #[allow(non_snake_case)]
     fn solve<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
-        A: PyReadonlyArray2<'_, f64>,
-        b: PyReadonlyArray1<'_, f64>,
+        A: &Bound<'_, PyAny>,
+        b: &Bound<'_, PyAny>,
     ) -> PyResult<Solution<'py>> {
-        let b = vector("b", &b)?;
-        self.dense.set_dense(matrix("A", &A, [b.len(), b.len()])?, b).map_err(input_error)?;
-        solve(py, &mut *self.inner, &mut self.dense, core::Wanted::Multipliers)
+        let b = vector("b", b)?;
+        let b = b.as_slice()?;
+        let matrix = matrix("A", A, [b.len(), b.len()])?;
+        let carried = &mut *self.take()?;
+        carried.set(matrix.as_slice()?, b).map_err(input_error)?;
+        solve(py, &mut *carried.solver, &mut carried.dense, core::Wanted::Multipliers)
     }
 
     /// (x, info) of the system of one step. With wanted="acceleration" any multipliers that give the right
     /// accelerations will do; "multipliers" asks for the minimum-norm ones.
-    #[pyo3(signature = (system, wanted="multipliers"))]
+    #[pyo3(signature = (system, wanted=None), text_signature = "($self, system, wanted='multipliers')")]
     fn solve_system<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
-        system: &mut ConstrainedSystem,
-        wanted: &str,
+        system: &Bound<'py, PyAny>,
+        wanted: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Solution<'py>> {
-        let wanted = match wanted {
+        let Ok(system) = system.cast::<ConstrainedSystem>() else {
+            return Err(not_of_type("system", system, "a ConstrainedSystem"));
+        };
+        let wanted = wanted.map_or(Ok("multipliers".into()), |given| text("wanted", given))?;
+        let wanted = match &*wanted {
             "multipliers" => core::Wanted::Multipliers,
             "acceleration" => core::Wanted::Acceleration,
             other => {
@@ -137,17 +194,18 @@ impl MultiplierSolver {
                 )));
             }
         };
-        solve(py, &mut *self.inner, &mut system.inner, wanted)
+        solve(py, &mut *self.take()?.solver, &mut *system.get().take()?, wanted)
     }
 
     /// A copy with everything it carries.
-    fn clone(&self) -> Self {
-        Self { inner: self.inner.clone_box(), dense: self.dense.clone() }
+    fn clone(&self) -> PyResult<Self> {
+        let carried = Mutex::new(self.take()?.clone());
+        Ok(Self { name: self.name, options: self.options.clone(), carried })
     }
 
     /// What it carries between steps, as {"solver": name, "size": n, "fields": {name: [numbers]}}.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let state = self.inner.state();
+        let state = self.take()?.solver.state();
         let dict = PyDict::new(py);
         dict.set_item("solver", state.solver)?;
         dict.set_item("size", state.size)?;
@@ -156,7 +214,10 @@ impl MultiplierSolver {
     }
 
     /// Goes on from a saved state.
-    fn restore(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
+    fn restore(&self, state: &Bound<'_, PyAny>) -> PyResult<()> {
+        let Ok(state) = state.cast::<PyDict>() else {
+            return Err(not_of_type("state", state, "a dictionary with 'solver', 'size' and 'fields'"));
+        };
         let parts = core::State {
             solver: part(state, "solver", "the name of a solver")?,
             size: part(state, "size", "a whole number ≥ 0")?,
@@ -168,16 +229,57 @@ impl MultiplierSolver {
                 state.keys()
             )));
         }
-        self.inner.restore(&parts).map_err(input_error)
+        self.take()?.solver.restore(&parts).map_err(input_error)
     }
 
     /// Forgets all earlier steps.
-    fn reset(&mut self) {
-        self.inner.reset();
+    fn reset(&self) -> PyResult<()> {
+        self.take()?.solver.reset();
+        Ok(())
+    }
+
+    fn __copy__(&self) -> PyResult<Self> {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.clone()
+    }
+
+    /// Pickles it as `make_solver` of its name and options, and what `__setstate__` takes: its state, and the A of its fold.
+    #[allow(clippy::type_complexity)] // what pickle wants
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyAny>, (), (Bound<'py, PyDict>, Bound<'py, PyArray2<f64>>))> {
+        let options = PyDict::new(py);
+        for (option, &value) in &self.options {
+            set_value(&options, option, value)?;
+        }
+        let make = py.import("oarlock._core")?.getattr("make_solver")?;
+        let make = py.import("functools")?.getattr("partial")?.call((make, self.name), Some(&options))?;
+        let state = self.state(py)?;
+        let carried = self.take()?;
+        let n = carried.dense.len();
+        let folded = carried.folded.clone().into_pyarray(py).reshape([n, n])?;
+        Ok((make, (), (state, folded)))
+    }
+
+    fn __setstate__(&self, state: (Bound<'_, PyAny>, Bound<'_, PyAny>)) -> PyResult<()> {
+        let (state, folded) = state;
+        self.restore(&state)?;
+        let n = folded.len()?;
+        if n > 0 {
+            let matrix = matrix("A of the fold", &folded, [n, n])?;
+            let carried = &mut *self.take()?;
+            carried.dense = core::ConstrainedSystem::new();
+            carried.set(matrix.as_slice()?, &vec![0.0; n]).map_err(input_error)?;
+        }
+        Ok(())
     }
 
     fn __repr__(&self) -> String {
-        format!("<MultiplierSolver {}>", self.inner.name())
+        format!("<MultiplierSolver {}>", self.name)
     }
 }
 
@@ -193,33 +295,48 @@ where
 }
 
 /// The value of an option, as Python has it: a bool, an int, or whatever makes a float.
-pub struct OptionValue(Value);
+fn option_value(solver: &str, option: &str, given: &Bound<'_, PyAny>) -> PyResult<Value> {
+    if let Ok(switch) = given.cast::<PyBool>() {
+        return Ok(Value::Switch(switch.is_true()));
+    }
+    if let (true, Ok(integer)) = (given.is_instance_of::<PyInt>(), given.extract()) {
+        return Ok(Value::Integer(integer));
+    }
+    given.extract().map(Value::Float).map_err(|_| {
+        let got = given.repr().map_or_else(|_| "?".to_owned(), |text| text.to_string());
+        InputError::new_err(format!(
+            "option {option} = {got} of solver '{solver}', expected a number or a switch"
+        ))
+    })
+}
 
-impl<'a, 'py> FromPyObject<'a, 'py> for OptionValue {
-    type Error = PyErr;
-
-    fn extract(given: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
-        let value = if let Ok(switch) = given.cast::<PyBool>() {
-            Value::Switch(switch.is_true())
-        } else if let (true, Ok(integer)) = (given.is_instance_of::<PyInt>(), given.extract()) {
-            Value::Integer(integer)
-        } else {
-            Value::Float(given.extract()?)
-        };
-        Ok(Self(value))
+fn set_value(options: &Bound<'_, PyDict>, option: &str, value: Value) -> PyResult<()> {
+    match value {
+        Value::Float(value) => options.set_item(option, value),
+        Value::Integer(value) => options.set_item(option, value),
+        Value::Switch(value) => options.set_item(option, value),
     }
 }
 
 /// Makes a solver by its name, with options as numbers and switches: `make_solver("sr1", eps_abs=1e-7)`.
 #[pyfunction]
 #[pyo3(signature = (name, **options))]
-pub fn make_solver(name: &str, options: Option<BTreeMap<String, OptionValue>>) -> PyResult<MultiplierSolver> {
-    let options = options
-        .unwrap_or_default()
-        .iter()
-        .fold(core::Options::new(), |options, (name, value)| options.with(name, value.0));
-    let inner = core::make_solver(name, &options).map_err(input_error)?;
-    Ok(MultiplierSolver { inner, dense: core::ConstrainedSystem::new() })
+pub fn make_solver(
+    name: &Bound<'_, PyAny>,
+    options: Option<BTreeMap<String, Bound<'_, PyAny>>>,
+) -> PyResult<MultiplierSolver> {
+    let name = text("name", name)?;
+    let read = |(option, given): (String, Bound<'_, PyAny>)| {
+        let value = option_value(&name, &option, &given)?;
+        Ok((option, value))
+    };
+    let options: BTreeMap<_, _> = options.into_iter().flatten().map(read).collect::<PyResult<_>>()?;
+    let given =
+        options.iter().fold(core::Options::new(), |given, (option, &value)| given.with(option, value));
+    let solver = core::make_solver(&name, &given).map_err(input_error)?;
+    let name = solver.name();
+    let carried = Carried { solver, dense: core::ConstrainedSystem::new(), folded: Vec::new() };
+    Ok(MultiplierSolver { name, options, carried: Mutex::new(carried) })
 }
 
 /// Every solver: {name: (summary, {option: default})}, a default as the float, int or bool that it is.
@@ -231,11 +348,7 @@ pub fn solvers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         defaults.sort_by_key(|&(option, _)| option);
         let options = PyDict::new(py);
         for (option, default) in defaults {
-            match default {
-                Value::Float(value) => options.set_item(option, value)?,
-                Value::Integer(value) => options.set_item(option, value)?,
-                Value::Switch(value) => options.set_item(option, value)?,
-            }
+            set_value(&options, option, default)?;
         }
         all.set_item(kind.name, (kind.summary, options))?;
     }

@@ -1,18 +1,18 @@
 //! The native step loops for Python.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
+use numpy::{IntoPyArray, PyArray1};
 use oarlock_mujoco as native;
-use oarlock_mujoco::experiments::{self, Solver};
+use oarlock_mujoco::experiments;
 use oarlock_mujoco::projection::Projector;
 use oarlock_mujoco::run::Observed;
 use oarlock_mujoco::state::{Baumgarte, Form};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
-use crate::convert::{InputError, vector};
+use crate::convert::{InputError, alone, vector};
 use crate::solver::MultiplierSolver;
 use crate::time_law::TimeLaw;
 
@@ -31,12 +31,6 @@ fn form(name: &str) -> PyResult<Form> {
         "hard" => Ok(Form::Hard),
         other => Err(InputError::new_err(format!("form = '{other}', expected one of: matched, hard"))),
     }
-}
-
-fn fresh(solver: &MultiplierSolver) -> Solver {
-    let mut solver = solver.inner.clone_box();
-    solver.reset();
-    solver
 }
 
 /// Resolves the native step loops from MuJoCo's library at `path`, which 'import mujoco' must have loaded.
@@ -67,8 +61,8 @@ impl Setup {
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyAny>,
-        qpos: PyReadonlyArray1<'_, f64>,
-        qvel: PyReadonlyArray1<'_, f64>,
+        qpos: &Bound<'_, PyAny>,
+        qvel: &Bound<'_, PyAny>,
         laws: Vec<(usize, PyRef<'_, TimeLaw>)>,
         beta: f64,
         k: f64,
@@ -104,8 +98,8 @@ impl Setup {
         let inner = native::run::Setup {
             model,
             drive: native::drive::Drive::new(laws),
-            qpos: vector("qpos", &qpos)?.to_vec(),
-            qvel: vector("qvel", &qvel)?.to_vec(),
+            qpos: vector("qpos", qpos)?.as_slice()?.to_vec(),
+            qvel: vector("qvel", qvel)?.as_slice()?.to_vec(),
             baumgarte: Baumgarte { beta, k },
             observed,
             conserved,
@@ -119,27 +113,28 @@ impl Setup {
         Run::of(py, experiments::calibration(&self.inner, steps))
     }
 
-    /// Every question (form, reference solver, solvers) along the walk of MuJoCo, or of a solver in the hard form, whose steps
+    /// Every question (form, solvers) along the walk of MuJoCo, or of a solver in the hard form, whose steps
     /// a projector with a solver of its own may end.
     #[pyo3(signature = (steps, questions, leader=None, projector=None))]
     fn lockstep(
         &self,
         py: Python<'_>,
         steps: usize,
-        questions: Vec<(String, SolverRef<'_>, Vec<SolverRef<'_>>)>,
+        questions: Vec<(String, Vec<SolverRef<'_>>)>,
         leader: Option<SolverRef<'_>>,
         projector: Option<SolverRef<'_>>,
     ) -> PyResult<Run> {
-        let leader = leader.map(|solver| (fresh(&solver), self.projector(projector.as_deref())));
-        let asked = questions.iter().map(|(name, reference, solvers)| {
-            Ok((form(name)?, fresh(reference), solvers.iter().map(|solver| fresh(solver)).collect()))
+        let projector = self.projector(projector.as_deref())?;
+        let leader = leader.map(|solver| Ok::<_, PyErr>((solver.fresh()?, projector))).transpose()?;
+        let asked = questions.iter().map(|(name, solvers)| {
+            Ok((form(name)?, solvers.iter().map(|solver| solver.fresh()).collect::<PyResult<_>>()?))
         });
         Run::of(py, experiments::lockstep(&self.inner, leader, asked.collect::<PyResult<_>>()?, steps))
     }
 
     /// From each of MuJoCo's states, one step of every (form, solver).
     fn one_step(&self, py: Python<'_>, steps: usize, asked: Vec<(String, SolverRef<'_>)>) -> PyResult<Run> {
-        let asked = asked.iter().map(|(name, solver)| Ok((form(name)?, fresh(solver))));
+        let asked = asked.iter().map(|(name, solver)| Ok((form(name)?, solver.fresh()?)));
         Run::of(py, experiments::one_step(&self.inner, asked.collect::<PyResult<_>>()?, steps))
     }
 
@@ -153,34 +148,21 @@ impl Setup {
         Run::of(py, experiments::free_mujoco(&self.inner, steps))
     }
 
-    /// A solver walks alone in a form, held against a reference solver; a projector may end its steps, and a solver may walk
-    /// beside it with half the timestep, which tells its error.
-    #[pyo3(signature = (steps, form_name, solver, reference, projector=None, beside=None))]
-    #[allow(clippy::too_many_arguments)] // keywords in Python
+    /// A solver walks alone in a form; a projector may end its steps, and a solver may walk beside it with half the timestep,
+    /// which tells its error.
+    #[pyo3(signature = (steps, form_name, solver, projector=None, beside=None))]
     fn free_solved(
         &self,
         py: Python<'_>,
         steps: usize,
         form_name: &str,
         solver: SolverRef<'_>,
-        reference: SolverRef<'_>,
         projector: Option<SolverRef<'_>>,
         beside: Option<SolverRef<'_>>,
     ) -> PyResult<Run> {
-        let beside = beside.map(|solver| fresh(&solver));
-        let (form, projector) = (form(form_name)?, self.projector(projector.as_deref()));
-        Run::of(
-            py,
-            experiments::free_solved(
-                &self.inner,
-                form,
-                fresh(&solver),
-                projector,
-                fresh(&reference),
-                beside,
-                steps,
-            ),
-        )
+        let beside = beside.map(|solver| solver.fresh()).transpose()?;
+        let (form, projector) = (form(form_name)?, self.projector(projector.as_deref())?);
+        Run::of(py, experiments::free_solved(&self.inner, form, solver.fresh()?, projector, beside, steps))
     }
 
     /// Where the time of a free run on exact constraints goes, as a dictionary: parts, by the order of a step, {part: (time in
@@ -192,7 +174,7 @@ impl Setup {
         steps: usize,
         solver: SolverRef<'_>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let solver = fresh(&solver);
+        let solver = solver.fresh()?;
         let walked = py.detach(|| experiments::profile(&self.inner, solver, steps));
         let profile = walked.map_err(|error| raised(py, &error))?;
         let parts = PyDict::new(py);
@@ -216,17 +198,25 @@ impl Setup {
 }
 
 impl Setup {
-    fn projector(&self, solver: Option<&MultiplierSolver>) -> Option<Projector> {
-        solver.map(|solver| Projector::new(&self.inner.model, fresh(solver)))
+    fn projector(&self, solver: Option<&MultiplierSolver>) -> PyResult<Option<Projector>> {
+        solver.map(|solver| Ok(Projector::new(&self.inner.model, solver.fresh()?))).transpose()
     }
 }
 
 /// Goes on with many runs by so many steps each, on as many threads as there are cores (or `RAYON_NUM_THREADS`); gives the
 /// number of steps that each took.
 #[pyfunction]
-pub fn advance_all(py: Python<'_>, mut runs: Vec<PyRefMut<'_, Run>>, steps: usize) -> Vec<usize> {
-    let mut inner: Vec<_> = runs.iter_mut().map(|run| &mut run.inner).collect();
-    py.detach(|| native::run::advance_all(&mut inner, steps))
+#[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
+pub fn advance_all(py: Python<'_>, runs: Vec<PyRef<'_, Run>>, steps: usize) -> PyResult<Vec<usize>> {
+    let mut taken = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        if runs[..index].iter().any(|other| std::ptr::eq(&raw const **other, &raw const **run)) {
+            return Err(InputError::new_err(format!("runs[{index}] is there twice, expected each run once")));
+        }
+        taken.push(run.take()?);
+    }
+    let mut inner: Vec<_> = taken.iter_mut().map(|run| &mut **run).collect();
+    Ok(py.detach(|| native::run::advance_all(&mut inner, steps)))
 }
 
 /// A column of a run's table.
@@ -274,9 +264,9 @@ impl Column {
 }
 
 /// A run on its way, made by a `Setup`.
-#[pyclass(module = "oarlock._core")]
+#[pyclass(frozen, module = "oarlock._core")]
 pub struct Run {
-    inner: native::run::Run,
+    inner: Mutex<native::run::Run>,
 }
 
 type State<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64);
@@ -293,23 +283,25 @@ type Snapshot<'py> = (usize, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>
 #[pymethods]
 impl Run {
     /// Goes on by so many steps and gives the number of steps taken; fewer than asked for: it has ended.
-    fn advance(&mut self, py: Python<'_>, steps: usize) -> usize {
-        py.detach(|| self.inner.advance(steps))
+    fn advance(&self, py: Python<'_>, steps: usize) -> PyResult<usize> {
+        let run = &mut *self.take()?;
+        Ok(py.detach(|| run.advance(steps)))
     }
 
     /// Takes all steps that are left without writing anything down: what the walk itself costs, with MuJoCo's timers standing
     /// still or running.
     #[pyo3(signature = (timers=false))]
-    fn walk(&mut self, py: Python<'_>, timers: bool) -> PyResult<()> {
-        let walk = |run: &mut native::run::Run| if timers { run.walk_timed() } else { run.walk() };
-        py.detach(|| walk(&mut self.inner)).map_err(|error| raised(py, &error))
+    fn walk(&self, py: Python<'_>, timers: bool) -> PyResult<()> {
+        let run = &mut *self.take()?;
+        py.detach(|| if timers { run.walk_timed() } else { run.walk() }).map_err(|error| raised(py, &error))
     }
 
     /// What ended it before its last step: its step, time (s), and why, as (kind, message) with kind "not-finite",
     /// "inequalities", "control" or "refused". None if nothing did. Raises what MuJoCo raised.
     #[getter]
     fn end(&self, py: Python<'_>) -> PyResult<Option<(usize, f64, &'static str, String)>> {
-        let Some(end) = self.inner.end() else { return Ok(None) };
+        let run = self.take()?;
+        let Some(end) = run.end() else { return Ok(None) };
         let (kind, message) = match &end.error {
             None => ("not-finite", String::new()),
             Some(error @ native::Error::Mujoco(_)) => return Err(raised(py, error)),
@@ -325,14 +317,14 @@ impl Run {
 
     /// Positions (nq), velocities (nv) and time (s) of the walker.
     #[getter]
-    fn state<'py>(&self, py: Python<'py>) -> State<'py> {
-        state_of(py, self.inner.data())
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<State<'py>> {
+        Ok(state_of(py, self.take()?.data()))
     }
 
     /// The rows since the last call: {name: column} for each who answers.
-    fn tables<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
+    fn tables<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let tables = PyList::empty(py);
-        for columns in self.inner.take_tables() {
+        for columns in self.take()?.take_tables() {
             let table = PyDict::new(py);
             for (name, column) in columns {
                 table.set_item(name, Column::of(py, column))?;
@@ -343,9 +335,9 @@ impl Run {
     }
 
     /// The states kept whole since the last call: (step, qpos, qvel, multipliers).
-    fn snapshots<'py>(&mut self, py: Python<'py>) -> Vec<Snapshot<'py>> {
-        let taken = self.inner.take_snapshots().into_iter();
-        taken
+    fn snapshots<'py>(&self, py: Python<'py>) -> PyResult<Vec<Snapshot<'py>>> {
+        let taken = self.take()?.take_snapshots().into_iter();
+        Ok(taken
             .map(|kept| {
                 let arrays = (
                     kept.qpos.into_pyarray(py),
@@ -354,12 +346,17 @@ impl Run {
                 );
                 (kept.step, arrays.0, arrays.1, arrays.2)
             })
-            .collect()
+            .collect())
     }
 }
 
 impl Run {
     fn of(py: Python<'_>, made: Result<native::run::Run, native::Error>) -> PyResult<Self> {
-        made.map(|inner| Self { inner }).map_err(|error| raised(py, &error))
+        made.map(|inner| Self { inner: Mutex::new(inner) }).map_err(|error| raised(py, &error))
+    }
+
+    /// The run, for one thread.
+    fn take(&self) -> PyResult<MutexGuard<'_, native::run::Run>> {
+        alone(|| "the run".to_owned(), &self.inner)
     }
 }

@@ -1,16 +1,31 @@
 //! `ConstrainedSystem` for Python.
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use std::sync::{Mutex, MutexGuard};
+use std::time::Duration;
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use oarlock_core as core;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::convert::{input_error, matrix, vector};
+use crate::convert::{Numbers, alone, input_error, matrix, vector};
+use crate::solver::{Info, MultiplierSolver};
 
 /// A λ = b of one step: A = J M⁻¹ Jᵀ (+ R), b = aref − J M⁻¹ f. Make one and assemble it anew every step.
-#[pyclass(module = "oarlock._core")]
+#[pyclass(frozen, module = "oarlock._core")]
 #[derive(Default)]
 pub struct ConstrainedSystem {
-    pub inner: core::ConstrainedSystem,
+    inner: Mutex<core::ConstrainedSystem>,
+}
+
+impl ConstrainedSystem {
+    /// The system, for one thread.
+    ///
+    /// # Errors
+    /// `InputError` if another thread is using it.
+    pub fn take(&self) -> PyResult<MutexGuard<'_, core::ConstrainedSystem>> {
+        alone(|| "the system".to_owned(), &self.inner)
+    }
 }
 
 #[pymethods]
@@ -22,59 +37,57 @@ impl ConstrainedSystem {
 
     /// Forms A and b from M (nv×nv), J (n×nv), f (nv), aref (n) and, for soft rows, R (n).
     #[pyo3(signature = (mass, jacobian, force, aref, regularisation=None))]
-    #[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
     fn assemble(
-        &mut self,
+        &self,
         py: Python<'_>,
-        mass: PyReadonlyArray2<'_, f64>,
-        jacobian: PyReadonlyArray2<'_, f64>,
-        force: PyReadonlyArray1<'_, f64>,
-        aref: PyReadonlyArray1<'_, f64>,
-        regularisation: Option<PyReadonlyArray1<'_, f64>>,
+        mass: &Bound<'_, PyAny>,
+        jacobian: &Bound<'_, PyAny>,
+        force: &Bound<'_, PyAny>,
+        aref: &Bound<'_, PyAny>,
+        regularisation: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let force = vector("force", &force)?;
-        let aref = vector("aref", &aref)?;
+        let (force, aref) = (vector("force", force)?, vector("aref", aref)?);
+        let (n, nv) = (aref.len(), force.len());
+        let mass = matrix("mass", mass, [nv, nv])?;
+        let jacobian = matrix("jacobian", jacobian, [n, nv])?;
+        let softness = regularisation.map(|given| vector("regularisation", given)).transpose()?;
         let step = core::StepView {
-            mass: matrix("mass", &mass, [force.len(), force.len()])?,
-            jacobian: matrix("jacobian", &jacobian, [aref.len(), force.len()])?,
-            force,
-            aref,
-            regularisation: match &regularisation {
-                Some(regularisation) => Some(vector("regularisation", regularisation)?),
-                None => None,
-            },
+            mass: mass.as_slice()?,
+            jacobian: jacobian.as_slice()?,
+            force: force.as_slice()?,
+            aref: aref.as_slice()?,
+            regularisation: softness.as_ref().map(Numbers::as_slice).transpose()?,
         };
-        let inner = &mut self.inner;
+        let inner = &mut *self.take()?;
         py.detach(|| inner.assemble(&step)).map_err(input_error)
     }
 
     /// Forms A and b where M⁻¹ = Hᵀ H is factored elsewhere: from the rows H Jᵀ (n×nv), J (n×nv), a₀ = M⁻¹ f (nv), aref (n)
     /// and, for soft rows, R (n). The way back from multipliers ends at `force`.
     #[pyo3(signature = (whitened, jacobian, unconstrained, aref, regularisation=None))]
-    #[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
     fn assemble_factored(
-        &mut self,
+        &self,
         py: Python<'_>,
-        whitened: PyReadonlyArray2<'_, f64>,
-        jacobian: PyReadonlyArray2<'_, f64>,
-        unconstrained: PyReadonlyArray1<'_, f64>,
-        aref: PyReadonlyArray1<'_, f64>,
-        regularisation: Option<PyReadonlyArray1<'_, f64>>,
+        whitened: &Bound<'_, PyAny>,
+        jacobian: &Bound<'_, PyAny>,
+        unconstrained: &Bound<'_, PyAny>,
+        aref: &Bound<'_, PyAny>,
+        regularisation: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let unconstrained = vector("unconstrained", &unconstrained)?;
-        let aref = vector("aref", &aref)?;
-        let (nv, shape) = (unconstrained.len(), [aref.len(), unconstrained.len()]);
-        let given = matrix("whitened", &whitened, shape)?;
+        let (unconstrained, aref) = (vector("unconstrained", unconstrained)?, vector("aref", aref)?);
+        let nv = unconstrained.len();
+        let shape = [aref.len(), nv];
+        let whitened = matrix("whitened", whitened, shape)?;
+        let jacobian = matrix("jacobian", jacobian, shape)?;
+        let softness = regularisation.map(|given| vector("regularisation", given)).transpose()?;
+        let given = whitened.as_slice()?;
         let step = core::FactoredStep {
-            jacobian: matrix("jacobian", &jacobian, shape)?,
-            unconstrained,
-            aref,
-            regularisation: match &regularisation {
-                Some(regularisation) => Some(vector("regularisation", regularisation)?),
-                None => None,
-            },
+            jacobian: jacobian.as_slice()?,
+            unconstrained: unconstrained.as_slice()?,
+            aref: aref.as_slice()?,
+            regularisation: softness.as_ref().map(Numbers::as_slice).transpose()?,
         };
-        let inner = &mut self.inner;
+        let inner = &mut *self.take()?;
         let mut whiten = |rows: &[usize], _: &[f64], whitened: &mut [f64]| {
             for (&row, out) in rows.iter().zip(whitened.chunks_exact_mut(nv)) {
                 out.copy_from_slice(&given[row * nv..(row + 1) * nv]);
@@ -83,46 +96,81 @@ impl ConstrainedSystem {
         py.detach(|| inner.assemble_factored(&step, &mut whiten)).map_err(input_error)
     }
 
-    /// Jᵀ λ (nv) of λ (n).
-    #[allow(clippy::needless_pass_by_value)]
-    fn force<'py>(
-        &mut self,
+    /// Says how far the rows of the next step stand open, as a part of the extent of the mechanism, and asks to hold the rank
+    /// along the path; `constraints` (n) are the numbers of the constraints that its rows belong to.
+    fn hold_rank(&self, gap: f64, constraints: Vec<usize>) -> PyResult<()> {
+        let inner = &mut *self.take()?;
+        inner.hold_rank(gap);
+        inner.set_constraints(constraints.into_iter());
+        Ok(())
+    }
+
+    /// (λ, info) by the direct solver that judges `solver`.
+    fn reference<'py>(
+        &self,
         py: Python<'py>,
-        multipliers: PyReadonlyArray1<'_, f64>,
+        solver: &MultiplierSolver,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Info)> {
+        let (inner, judged) = (&mut *self.take()?, solver.take()?);
+        let (multipliers, info) = inner.reference(&*judged.solver).map_err(input_error)?;
+        Ok((PyArray1::from_slice(py, multipliers), Info::new(*info, Duration::ZERO)))
+    }
+
+    /// Jᵀ λ (nv) of λ (n).
+    fn force<'py>(
+        &self,
+        py: Python<'py>,
+        multipliers: &Bound<'_, PyAny>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let multipliers = vector("multipliers", &multipliers)?;
-        let mut qfrc = vec![0.0; self.inner.nv()];
-        self.inner.force(multipliers, &mut qfrc).map_err(input_error)?;
+        let multipliers = vector("multipliers", multipliers)?;
+        let inner = &mut *self.take()?;
+        let mut qfrc = vec![0.0; inner.nv()];
+        inner.force(multipliers.as_slice()?, &mut qfrc).map_err(input_error)?;
         Ok(qfrc.into_pyarray(py))
     }
 
     /// A, n×n, before folding.
     #[getter]
     fn matrix<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let n = self.inner.len();
-        let flat = self.inner.full_matrix(); // symmetric: column-major is row-major
+        let inner = self.take()?;
+        let (n, flat) = (inner.len(), inner.full_matrix()); // symmetric: column-major is row-major
         flat.into_pyarray(py).reshape([n, n])
     }
 
     /// b, n, before folding.
     #[getter]
-    fn rhs<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.inner.rhs())
+    fn rhs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_slice(py, self.take()?.rhs()))
     }
 
     /// From λ (n) to (qacc, qfrc), both nv: a₀ + M⁻¹ Jᵀ λ and Jᵀ λ.
-    #[allow(clippy::needless_pass_by_value)]
     #[allow(clippy::type_complexity)] // a pair of arrays
     fn acceleration<'py>(
-        &mut self,
+        &self,
         py: Python<'py>,
-        multipliers: PyReadonlyArray1<'_, f64>,
+        multipliers: &Bound<'_, PyAny>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
-        let multipliers = vector("multipliers", &multipliers)?;
-        let inner = &mut self.inner;
+        let multipliers = vector("multipliers", multipliers)?;
+        let multipliers = multipliers.as_slice()?;
+        let inner = &mut *self.take()?;
         let mut qacc = vec![0.0; inner.nv()];
         let mut qfrc = vec![0.0; inner.nv()];
         py.detach(|| inner.acceleration(multipliers, &mut qfrc, &mut qacc)).map_err(input_error)?;
         Ok((qacc.into_pyarray(py), qfrc.into_pyarray(py)))
+    }
+
+    fn __copy__(&self) -> PyResult<Self> {
+        Ok(Self { inner: Mutex::new(self.take()?.clone()) })
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> PyResult<Self> {
+        self.__copy__()
+    }
+
+    #[allow(clippy::unused_self)] // a method to Python
+    fn __reduce__(&self) -> PyResult<()> {
+        Err(PyTypeError::new_err(
+            "a ConstrainedSystem cannot be pickled, expected the arrays of its step: assemble it anew from them",
+        ))
     }
 }

@@ -21,7 +21,7 @@ from oarlock.stepping.ending import Ending
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import TRACKED
-from oarlock.stepping.solvers import REFERENCE, SolverSpec
+from oarlock.stepping.solvers import SolverSpec
 
 SOLVER = SolverSpec("auto")
 
@@ -90,7 +90,7 @@ def record_exact(
         raise InputError("no active equality, expected at least one that closes a loop")
     prepared = Prepared(own, drive(own, laws), data.qpos.copy(), data.qvel.copy(), steps)
     path = fitting_path(prepared, Baumgarte())
-    (table,), ending = path.free(SOLVER, "hard", TRACKED, SolverSpec(REFERENCE))
+    (table,), ending = path.free(SOLVER, "hard", TRACKED)
     rows = _Rows(own, layout, steps)
     for chunk in table.chunks(_FIGURES):
         rows.take(chunk)

@@ -13,6 +13,7 @@ from oarlock.base.errors import InputError
 from oarlock.mechanics.bounds import HUGE, bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import coordinates, element_name
+from oarlock.stepping import walkers
 from oarlock.stepping.walkers import MujocoWalker
 
 How = Literal["finished", "diverged", "refused"]
@@ -60,13 +61,10 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
     if drive is not None:
         drive.apply(data)
     with nullcontext() if drive is None or constant else drive.installed():
-        walker = MujocoWalker(model, data)
-        for step in range(steps):
-            walker.look()
+        for step in walkers.walk(MujocoWalker(model, data), steps):
             if not bounded(data.qacc, data.qvel, data.qpos):
                 return
             yield step
-            walker.step()
 
 
 def diverged(model: mujoco.MjModel, data: mujoco.MjData) -> End:

@@ -26,12 +26,20 @@ const CLEAR: f64 = 32.0;
 /// A null space that the factor has off by more than this is not believed. Refinement squares it.
 const NEAR: f64 = 1e-5;
 
-/// Whether the eigenvalues of the matrix, of trace `trace`, say the same rank by `rank_cut`, and the same null space.
+/// Whether the eigenvalues of every block of the matrix say the same rank by `rank_cut`, and the same null space.
 ///
-/// The trace of what is left over bounds λᵣ₊₁ from above. The largest eigenvalue lies between the first pivot and the trace.
-fn is_certain(found: &Found, n: usize, rank_cut: f64, trace: f64) -> bool {
-    let left = found.left(n);
-    found.last > CLEAR * rank_cut * trace && left <= rank_cut * found.first && left <= NEAR * found.last
+/// The trace of what is left over bounds λᵣ₊₁ from above, in every block and also where rows are scaled, for no block is smaller
+/// than the least entry of the diagonal. The largest eigenvalue lies between the first pivot and the trace.
+fn is_certain(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> bool {
+    let left = found.left(problem.len());
+    let (trace, least) = (problem.trace(), problem.least_diagonal());
+    found.last > CLEAR * rank_cut * trace && left <= rank_cut * least && left <= NEAR * found.last
+}
+
+/// How far pivots lie from the cut, as eigenvalues do in [`Info::margin`].
+fn margin(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> f64 {
+    let left = found.left(problem.len()).max(f64::MIN_POSITIVE);
+    (found.last / (rank_cut * problem.trace())).min(rank_cut * problem.least_diagonal() / left)
 }
 
 /// Parameters of [`Auto`].
@@ -62,6 +70,11 @@ impl Solver for Auto {
     const SUMMARY: &'static str =
         "the default: the fastest right solver for the size, the reference where it fails";
     const NEEDS: Needs = Needs::Dense;
+    const DIRECT: bool = true;
+
+    fn rank_cut(&self) -> Option<f64> {
+        Some(self.rank_cut)
+    }
 
     fn new(params: AutoParams) -> Self {
         let AutoParams { rank_cut } = params;
@@ -73,10 +86,14 @@ impl Solver for Auto {
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        // A rank that is to be held is decided by eigenvalues.
+        if problem.blocks().is_undecided() {
+            return self.safe.solve(problem, x);
+        }
         let info = self.fast.solve(problem, x)?;
-        let certain = is_certain(self.fast.found(), problem.len(), self.rank_cut, problem.trace());
-        if certain && info.residual_rel <= BELIEVED {
-            return Ok(info);
+        let found = self.fast.found();
+        if is_certain(found, problem, self.rank_cut) && info.residual_rel <= BELIEVED {
+            return Ok(Info { margin: Some(margin(found, problem, self.rank_cut)), ..info });
         }
         self.safe.solve(problem, x).map(|info| Info { fallbacks: 1, ..info })
     }

@@ -69,12 +69,10 @@ impl CarriedInverse {
     /// Those of [`SymmetricEigen::decompose`]; H stays stale then.
     pub(crate) fn refresh(&mut self, problem: &mut Problem<'_>) -> Result<(), Error> {
         self.stale = true;
-        self.eigen.decompose(problem.matrix(), self.rank_cut)?;
+        let (matrix, blocks) = problem.matrix_and_blocks();
+        self.eigen.decompose(matrix, self.rank_cut, blocks)?;
         self.eigen.pseudo_inverse(&mut self.inverse);
-        self.least = match self.eigen.rank() {
-            0 => 0.0,
-            rank => self.eigen.value(self.eigen.len() - rank),
-        };
+        self.least = self.eigen.least();
         self.stale = false;
         Ok(())
     }
@@ -125,6 +123,8 @@ pub(crate) struct Iterate {
     pub fallbacks: usize,
     /// ‖b‖.
     pub b_norm: f64,
+    /// ‖A x − b‖ that is small enough.
+    pub tolerance: f64,
     refreshed: bool,
 }
 
@@ -164,18 +164,13 @@ impl Iterate {
         self.products += 1;
     }
 
-    /// How the solve ends here, if it does: ‖r‖ ≤ `tolerance`, the limit, or numbers that cannot be right.
+    /// How the solve ends here, if it does: ‖r‖ small enough, the limit, or numbers that cannot be right.
     #[must_use]
-    pub(crate) fn verdict(
-        &self,
-        carried: &CarriedInverse,
-        tolerance: f64,
-        max_iterations: usize,
-    ) -> Option<Status> {
+    pub(crate) fn verdict(&self, carried: &CarriedInverse, max_iterations: usize) -> Option<Status> {
         let r_norm = norm(&self.r);
         if !r_norm.is_finite() || carried.too_large(norm(&self.x), self.b_norm) {
             Some(Status::Breakdown)
-        } else if r_norm <= tolerance {
+        } else if r_norm <= self.tolerance {
             Some(Status::Converged)
         } else {
             (self.iterations == max_iterations).then_some(Status::IterationLimit)
@@ -208,6 +203,7 @@ impl Iterate {
             inconsistency: None,
             rank: None,
             null_residual: None,
+            tolerance: if self.b_norm == 0.0 { 0.0 } else { self.tolerance / self.b_norm },
             refreshed: self.refreshed,
             fallbacks: self.fallbacks,
             ..Info::trivial(0.0)

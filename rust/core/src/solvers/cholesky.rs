@@ -36,7 +36,7 @@ use faer::linalg::triangular_solve::solve_upper_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 use self::columns::{backward, factorise, factorise_definite, forward, permute};
-use self::found::Found;
+use self::found::{Asked, Found};
 use crate::error::{Error, check_len};
 use crate::info::Info;
 use crate::linalg::kernels::{BLOCKED, axpy, by_size, dot, gemv, norm, vectorised};
@@ -174,13 +174,13 @@ impl Cholesky {
     }
 
     /// Factor, projections and solves for sizes that have no code of their own.
-    fn run(&mut self, matrix: &[f64], rhs: &[f64], wanted: Wanted, x: &mut [f64]) -> Found {
+    fn run(&mut self, matrix: &[f64], rhs: &[f64], asked: Asked, x: &mut [f64]) -> Found {
         let n = rhs.len();
         self.factor.copy_from_slice(matrix);
         let found = if n >= BLOCKED {
-            self.factorise_blocked(n)
+            self.factorise_blocked(n, asked.ceiling)
         } else {
-            factorise(n, self.params.rank_cut, &mut self.factor, &mut self.pivots)
+            factorise(n, asked, &mut self.factor, &mut self.pivots)
         };
         let rank = found.rank;
         for (col, inverse) in self.factor_inverse.iter_mut().enumerate().take(rank) {
@@ -202,7 +202,7 @@ impl Cholesky {
             }
         }
         self.solve_basic(rank);
-        if rank < n && (refined || wanted == Wanted::Multipliers) {
+        if rank < n && (refined || asked.wanted == Wanted::Multipliers) {
             self.project(rank);
         }
         for (&entry, &pivot) in self.permuted.iter().zip(&self.pivots) {
@@ -262,7 +262,7 @@ impl Cholesky {
     }
 
     /// Pᵀ A P = L Lᵀ in place, blocked.
-    fn factorise_blocked(&mut self, n: usize) -> Found {
+    fn factorise_blocked(&mut self, n: usize, ceiling: usize) -> Found {
         let Self { factor, pivots, unpivots, scratch, image, .. } = self;
         let diagonal = image;
         for (i, entry) in diagonal.iter_mut().enumerate() {
@@ -288,7 +288,8 @@ impl Cholesky {
             return Found { rank: 0, first, dropped: first, lowest, last: f64::INFINITY };
         };
         let cut = (self.params.rank_cut * first).max(f64::MIN_POSITIVE);
-        let above = |col: &usize| *col < found.rank && factor[col * n + col] * factor[col * n + col] > cut;
+        let most = found.rank.min(ceiling);
+        let above = |col: &usize| *col < most && factor[col * n + col] * factor[col * n + col] > cut;
         let rank = (0..n).take_while(above).count();
         // The diagonal of what is left over.
         let (mut dropped, mut lowest) = (0.0_f64, if rank == n { 0.0 } else { f64::INFINITY });
@@ -403,13 +404,13 @@ impl Cholesky {
         &mut self,
         matrix: &[f64],
         rhs: &[f64],
-        wanted: Wanted,
+        asked: Asked,
         x: &mut [f64],
     ) -> Found {
-        let Self { params, pivots, outside, .. } = self;
-        let found = small::solve::<N>(params.rank_cut, pivots, matrix, rhs, wanted, x, outside);
+        let Self { pivots, outside, .. } = self;
+        let found = small::solve::<N>(asked, pivots, matrix, rhs, x, outside);
         // Code for it in there would cost all others a tenth by its mere presence.
-        if found.wants_refining(N) { self.run(matrix, rhs, wanted, x) } else { found }
+        if found.wants_refining(N) { self.run(matrix, rhs, asked, x) } else { found }
     }
 }
 
@@ -417,6 +418,10 @@ impl Solver for Cholesky {
     type Params = CholeskyParams;
     const SUMMARY: &'static str = "rank-revealing Cholesky, minimum norm: the fast direct solver";
     const NEEDS: Needs = Needs::Dense;
+
+    fn rank_cut(&self) -> Option<f64> {
+        Some(self.params.rank_cut)
+    }
 
     fn new(params: CholeskyParams) -> Self {
         Self {
@@ -442,12 +447,17 @@ impl Solver for Cholesky {
         check_len("x", x.len(), &[n])?;
         self.resize(n);
         problem.matrix();
-        let (matrix, rhs, wanted) = (&*problem.dense, problem.rhs(), problem.wanted);
-        let narrow = problem.envelope.and_then(|first| self.run_narrow(first, matrix, rhs, x));
+        let (rank_cut, ceiling) = (self.params.rank_cut, problem.blocks().ceiling());
+        let asked = Asked { rank_cut, ceiling, wanted: problem.wanted };
+        let (matrix, rhs) = (&*problem.dense, problem.rhs());
+        let narrow = problem
+            .envelope
+            .filter(|_| ceiling == n)
+            .and_then(|first| self.run_narrow(first, matrix, rhs, x));
         let found = match narrow {
             Some(found) => found,
             None => {
-                by_size!(n, Self::run_fixed(self, matrix, rhs, wanted, x), self.run(matrix, rhs, wanted, x))
+                by_size!(n, Self::run_fixed(self, matrix, rhs, asked, x), self.run(matrix, rhs, asked, x))
             }
         };
         self.found = found;

@@ -1,44 +1,93 @@
-//! Symmetric eigendecomposition with a rank cut, in a workspace that is kept: nalgebra's for small sizes, faer's beyond.
+//! A⁺ from a decomposition of every block of A, with the rank that the blocks decide: eigenvectors of A, or singular vectors of W.
+//!
+//! # Constraints of very different size
+//!
+//! Beside a gear of 1e5 or a lead screw, constraints of one block have entries on the diagonal of A that differ by 1e10, and more. Two
+//! things go wrong then, and each has its own remedy.
+//!
+//! *The rank.* Eigenvalues of A mix what a row counts for with what it is measured in: true ones come out at 1e-13 of the
+//! largest. Where the sizes of constraints differ by more than [`GRADED`], the rank is that of D A D, D the powers of two next to
+//! 1/√size. The rows of one constraint are scaled together: a row that vanishes beside the others of a connect is a singular
+//! pose, and not a unit. Only the rank is taken from there, for minimum norm and least squares are those of A.
+//!
+//! *The eigenvalues.* A method that goes by way of a tridiagonal matrix finds small ones to an error of ε times the largest.
+//! Where that matters, at a condition beyond [`ILL`], Jacobi's rotations find them to ε times themselves, as far as the
+//! diagonal entries are what makes them small (Demmel and Veselić, Jacobi's method is more accurate than QR, 1992).
 
 pub(super) mod carried;
+mod raw;
 
-use faer::diag::DiagMut;
-use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
-use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
-use faer::{MatMut, MatRef, Par, Spec};
-use nalgebra::allocator::Allocator;
-use nalgebra::{Const, DefaultAllocator, DimDiff, DimSub, OMatrix, U1};
+use std::mem;
 
+use self::raw::Raw;
 use crate::error::Error;
 use crate::info::Info;
-use crate::linalg::kernels::{axpy, by_size, dot, largest, norm, rank_one, vectorised};
-use crate::problem::Problem;
+use crate::linalg::kernels::{axpy, dot, largest, norm, rank_one};
+use crate::problem::{Blocks, Problem};
 
-/// Eigenvalues of A below this part of the largest count as zero, unless an option `rank_cut` says otherwise.
+/// Eigenvalues of a block of A below this part of its largest count as zero, unless an option `rank_cut` says otherwise.
 ///
 /// A = J M⁻¹ Jᵀ squares the singular values σ of J M^(−1/2), so the cut on σ is its square root, 1e-5. Rounding
 /// leaves eigenvalues of about 1e-16; a row pair that closes a loop only to a drift δ (lengths of order one) leaves
-/// about δ². A harness that asks the hard question on drifted states must raise the cut above that.
+/// about δ². Who asks on drifted states holds the rank: see [`blocks`](crate::problem::blocks).
 pub const RANK_CUT: f64 = 1e-10;
 
 /// An eigenvalue below minus this part of the largest means that A is not positive semidefinite. Rounding leaves n·ε,
 /// whatever the rank cut; a sign that is wrong in a formula leaves order one.
 pub(crate) const SEMIDEFINITE_TOLERANCE: f64 = 1e-10;
 
-/// Iterations of QR an eigenvalue may take on average; it takes two. Who needs more is given to faer.
-const MAX_SWEEPS: usize = 30;
+/// Ratio of the sizes of the constraints of a block from which on it is scaled before it is decomposed. Below, the scaling would move an
+/// eigenvalue by no more than the distance from the cut that is reported as doubtful.
+const GRADED: f64 = 1e4;
 
-/// A = U diag(w) Uᵀ and the rank by a relative cut.
+/// Smallest eigenvalue that is kept, as a part of the largest, that a tridiagonal matrix gives with ten digits.
+const ILL: f64 = 1e-6;
+
+/// What is decomposed.
+#[derive(Clone, Copy)]
+enum Source<'a> {
+    /// A, `n×n`.
+    Matrix(&'a [f64]),
+    /// W, `nv×n`, and R.
+    Columns(&'a [f64], usize, Option<&'a [f64]>),
+}
+
+impl Source<'_> {
+    /// An entry of the diagonal of A.
+    fn diagonal(self, n: usize, row: usize) -> f64 {
+        match self {
+            Self::Matrix(matrix) => matrix[row * (n + 1)],
+            Self::Columns(w, nv, softness) => {
+                let column = &w[row * nv..(row + 1) * nv];
+                dot(column, column) + softness.map_or(0.0, |softness| softness[row])
+            }
+        }
+    }
+}
+
+/// A = U diag(w) Uᵀ, block by block, and the rank. Dropped vectors come first.
 pub(crate) struct SymmetricEigen {
     /// U, n×n, column-major.
     vectors: Vec<f64>,
     values: Vec<f64>,
-    scratch: MemBuffer,
+    raw: Raw,
     rank: usize,
     /// ‖A N‖ of the eigenvectors N that are dropped.
     dropped: f64,
+    /// λ⁺: the smallest eigenvalue that is kept, or less; 0 without any.
+    least: f64,
+    /// How many times the eigenvalue nearest to the cut of its block is larger or smaller than that.
+    margin: f64,
     projected: Vec<f64>,
     image: Vec<f64>,
+    /// Of the block at hand: its rows, its scales D, its matrix, its vectors and values.
+    rows: Vec<usize>,
+    scales: Vec<f64>,
+    part: Vec<f64>,
+    part_vectors: Vec<f64>,
+    part_values: Vec<f64>,
+    /// Eigenvalues of D A D.
+    scaled_values: Vec<f64>,
 }
 
 impl Clone for SymmetricEigen {
@@ -47,7 +96,8 @@ impl Clone for SymmetricEigen {
         let mut copy = Self::new(self.len());
         copy.vectors.copy_from_slice(&self.vectors);
         copy.values.copy_from_slice(&self.values);
-        (copy.rank, copy.dropped) = (self.rank, self.dropped);
+        (copy.rank, copy.dropped, copy.least) = (self.rank, self.dropped, self.least);
+        copy.margin = self.margin;
         copy
     }
 }
@@ -56,20 +106,22 @@ impl SymmetricEigen {
     /// A workspace for `n×n` matrices.
     #[must_use]
     pub(crate) fn new(n: usize) -> Self {
-        // faer's own count underflows for n = 0, the size that a solver has before its first system.
-        let scratch = if n == 0 {
-            StackReq::EMPTY
-        } else {
-            self_adjoint_evd_scratch::<f64>(n, ComputeEigenvectors::Yes, Par::Seq, Spec::default())
-        };
         Self {
             vectors: vec![0.0; n * n],
             values: vec![0.0; n],
-            scratch: MemBuffer::new(scratch),
+            raw: Raw::new(n),
             rank: 0,
             dropped: 0.0,
+            least: 0.0,
+            margin: f64::INFINITY,
             projected: vec![0.0; n],
             image: vec![0.0; n],
+            rows: Vec::with_capacity(n),
+            scales: Vec::with_capacity(n),
+            part: Vec::with_capacity(n * n),
+            part_vectors: vec![0.0; n * n],
+            part_values: vec![0.0; n],
+            scaled_values: vec![0.0; n],
         }
     }
 
@@ -79,77 +131,158 @@ impl SymmetricEigen {
         self.projected.len()
     }
 
-    /// Decomposes `matrix` (`n×n`, column-major, lower triangle read) and counts its rank: eigenvalues above `rank_cut` times the
-    /// largest.
+    /// Decomposes `matrix` (`n×n`, column-major, lower triangle read) and lets its blocks decide their ranks by `rank_cut`.
     ///
     /// # Errors
     /// [`Error::NotPositiveSemidefinite`] by [`SEMIDEFINITE_TOLERANCE`], [`Error::Eigen`].
-    pub(crate) fn decompose(&mut self, matrix: &[f64], rank_cut: f64) -> Result<(), Error> {
+    pub(crate) fn decompose(
+        &mut self,
+        matrix: &[f64],
+        rank_cut: f64,
+        blocks: &mut Blocks,
+    ) -> Result<(), Error> {
+        self.decompose_source(Source::Matrix(matrix), rank_cut, blocks)
+    }
+
+    /// The same of one block whose rank nobody holds.
+    ///
+    /// # Errors
+    /// Those of [`decompose`](Self::decompose).
+    pub(crate) fn decompose_alone(&mut self, matrix: &[f64], rank_cut: f64) -> Result<(), Error> {
+        self.decompose(matrix, rank_cut, &mut Blocks::whole(self.len()))
+    }
+
+    /// The same from the singular values of W, where the problem has one: no squares are taken.
+    ///
+    /// # Errors
+    /// Those of [`decompose`](Self::decompose).
+    pub(crate) fn decompose_factor(&mut self, problem: &mut Problem<'_>, rank_cut: f64) -> Result<(), Error> {
+        let nv = problem.work.len();
+        if nv == 0 {
+            let (matrix, blocks) = problem.matrix_and_blocks();
+            return self.decompose(matrix, rank_cut, blocks);
+        }
+        let source = Source::Columns(problem.whitened, nv, problem.softness);
+        self.decompose_source(source, rank_cut, problem.blocks)
+    }
+
+    fn decompose_source(
+        &mut self,
+        source: Source<'_>,
+        rank_cut: f64,
+        blocks: &mut Blocks,
+    ) -> Result<(), Error> {
         let n = self.len();
-        if matrix.iter().all(|entry| entry.abs() < f64::MIN_POSITIVE) {
-            // faer gives up on subnormal numbers; they count as zero.
-            self.vectors.fill(0.0);
-            self.vectors.iter_mut().step_by(n + 1).for_each(|entry| *entry = 1.0);
-            self.values.fill(0.0);
-            (self.rank, self.dropped) = (0, 0.0);
-            return Ok(());
+        (self.margin, self.least) = (f64::INFINITY, 0.0);
+        if let (Source::Matrix(matrix), 1) = (source, blocks.len())
+            && blocks.sizes(blocks.of(0), |row| matrix[row * (n + 1)], &mut self.scales) <= GRADED
+        {
+            self.raw.symmetric(n, matrix, &mut self.vectors, &mut self.values)?;
+            check_semidefinite(&self.values)?;
+            self.rank = blocks.decide(0, &self.values, rank_cut, 0.0);
+            let null = n - self.rank;
+            if self.rank == 0 || self.values[null] > ILL * self.values[n - 1] {
+                self.dropped = largest(&self.values[..null]);
+                self.least = self.values.get(null).copied().unwrap_or(0.0);
+                self.margin = margin(&self.values, null, rank_cut);
+                return Ok(());
+            }
         }
-        if !by_size!(n, Self::decompose_fixed(self, matrix), false) {
-            self.decompose_dynamic(matrix)?;
+        self.vectors.fill(0.0);
+        let most = (0..n).fold(0.0_f64, |most, row| most.max(source.diagonal(n, row)));
+        let (mut left, mut right, mut dropped) = (0, n, 0.0_f64);
+        for block in 0..blocks.len() {
+            self.rows.clear();
+            self.rows.extend_from_slice(blocks.of(block));
+            let size = self.rows.len();
+            let (rank, margin) = self.decide_part(source, rank_cut, blocks, (block, most))?;
+            self.margin = self.margin.min(margin);
+            self.gather(source, false);
+            let (vectors, values) = (&mut self.part_vectors[..size * size], &mut self.part_values[..size]);
+            match source {
+                Source::Matrix(_) => self.raw.accurate(size, &mut self.part, vectors, values)?,
+                Source::Columns(..) => self.raw.singular(size, &mut self.part, vectors, values)?,
+            }
+            check_semidefinite(values)?;
+            let null = size - rank;
+            let scale = largest(values);
+            if scale > 0.0 {
+                dropped = dropped.max(largest(&values[..null]) / scale);
+            }
+            if let Some(&least) = values.get(null) {
+                self.least = if self.least == 0.0 { least } else { self.least.min(least) };
+            }
+            right -= rank;
+            self.take_part(left, null, right);
+            left += null;
         }
-        let (least, most) = (self.values[0], self.values[n - 1]);
-        // Subnormal eigenvalues count as zero, and their sign says nothing.
-        let scale = most.abs().max(least.abs());
-        let cut = (rank_cut * scale).max(f64::MIN_POSITIVE);
-        if least < -(SEMIDEFINITE_TOLERANCE * scale).max(f64::MIN_POSITIVE) {
-            return Err(Error::NotPositiveSemidefinite { smallest: least, largest: most });
-        }
-        self.rank = self.values.iter().filter(|&&value| value > cut).count();
-        self.dropped = largest(&self.values[..n - self.rank]);
+        self.rank = n - left;
+        self.dropped = dropped * largest(&self.values);
         Ok(())
     }
 
-    /// faer's decomposition.
-    fn decompose_dynamic(&mut self, matrix: &[f64]) -> Result<(), Error> {
-        let n = self.len();
-        let view = MatRef::from_column_major_slice(matrix, n, n);
-        vectorised(|| {
-            self_adjoint_evd(
-                view,
-                DiagMut::from_slice_mut(&mut self.values),
-                Some(MatMut::from_column_major_slice_mut(&mut self.vectors, n, n)),
-                Par::Seq,
-                MemStack::new(&mut self.scratch),
-                Spec::default(),
-            )
-        })
-        .map_err(|_| Error::Eigen { n })
+    /// The rank of the rows at hand, from D A D, and its margin.
+    fn decide_part(
+        &mut self,
+        source: Source<'_>,
+        rank_cut: f64,
+        blocks: &mut Blocks,
+        (block, most): (usize, f64),
+    ) -> Result<(usize, f64), Error> {
+        let (n, size) = (self.len(), self.rows.len());
+        if blocks.sizes(&self.rows, |row| source.diagonal(n, row), &mut self.scales) > GRADED {
+            self.scales.iter_mut().for_each(|size| *size = power_of_two_near_inverse_root(*size));
+        } else {
+            self.scales.clear();
+            self.scales.resize(size, 1.0);
+        }
+        self.gather(source, true);
+        let (vectors, values) = (&mut self.part_vectors[..size * size], &mut self.scaled_values[..size]);
+        match source {
+            Source::Matrix(_) => self.raw.symmetric(size, &self.part, vectors, values)?,
+            Source::Columns(..) => self.raw.singular(size, &mut self.part, vectors, values)?,
+        }
+        // A block that is scaled is measured in its own units.
+        let unit = self.scales.iter().fold(f64::INFINITY, |unit, scale| unit.min(scale * scale));
+        let rank = blocks.decide(block, values, rank_cut, most * unit);
+        Ok((rank, margin(values, size - rank, rank_cut)))
     }
 
-    /// nalgebra's for a size known at compile time, in half the time; gives whether it converged.
-    fn decompose_fixed<const N: usize>(&mut self, matrix: &[f64]) -> bool
-    where
-        Const<N>: DimSub<U1>,
-        DefaultAllocator:
-            Allocator<Const<N>, Const<N>> + Allocator<Const<N>> + Allocator<DimDiff<Const<N>, U1>>,
-    {
-        let matrix = OMatrix::<f64, Const<N>, Const<N>>::from_column_slice(matrix);
-        let found = nalgebra::SymmetricEigen::<f64, Const<N>>::try_new(matrix, f64::EPSILON, MAX_SWEEPS * N);
-        let Some(found) = found.filter(|found| found.eigenvalues.iter().all(|value| value.is_finite()))
-        else {
-            return false;
-        };
-        let mut order: [usize; N] = std::array::from_fn(|i| i);
-        order.sort_unstable_by(|&i, &j| found.eigenvalues[i].total_cmp(&found.eigenvalues[j]));
-        for (col, from) in order.into_iter().enumerate() {
-            self.values[col] = found.eigenvalues[from];
-            let vector = &mut self.vectors[col * N..(col + 1) * N];
-            vector
-                .iter_mut()
-                .zip(&found.eigenvectors.column(from))
-                .for_each(|(entry, value)| *entry = *value);
+    /// Gathers the rows at hand of A, or of W with R below it, into `part`, scaled by D or as they are.
+    fn gather(&mut self, source: Source<'_>, scaled: bool) {
+        let (n, size, rows) = (self.len(), self.rows.len(), &self.rows);
+        let scale = |index: usize| if scaled { self.scales[index] } else { 1.0 };
+        self.part.clear();
+        match source {
+            Source::Matrix(matrix) => {
+                for (index, &col) in rows.iter().enumerate() {
+                    let entry =
+                        |(other, &row): (usize, &usize)| matrix[col * n + row] * scale(index) * scale(other);
+                    self.part.extend(rows.iter().enumerate().map(entry));
+                }
+            }
+            Source::Columns(w, nv, softness) => {
+                for (index, &row) in rows.iter().enumerate() {
+                    self.part.extend(w[row * nv..(row + 1) * nv].iter().map(|entry| entry * scale(index)));
+                    if let Some(softness) = softness {
+                        let root = softness[row].sqrt() * scale(index);
+                        self.part.extend((0..size).map(|other| if other == index { root } else { 0.0 }));
+                    }
+                }
+            }
         }
-        true
+    }
+
+    /// Takes the vectors of the rows at hand: those dropped from column `left` on, those kept from `right` on.
+    fn take_part(&mut self, left: usize, null: usize, right: usize) {
+        let (n, size) = (self.len(), self.rows.len());
+        for k in 0..size {
+            let column = if k < null { left + k } else { right + k - null };
+            self.values[column] = self.part_values[k];
+            for (&row, &entry) in self.rows.iter().zip(&self.part_vectors[k * size..(k + 1) * size]) {
+                self.vectors[column * n + row] = entry;
+            }
+        }
     }
 
     /// Number of eigenvalues above the cut.
@@ -158,7 +291,32 @@ impl SymmetricEigen {
         self.rank
     }
 
-    /// The i-th eigenvalue, in rising order.
+    /// λ⁺: the smallest eigenvalue that is kept, or less; 0 without any.
+    #[must_use]
+    pub(crate) const fn least(&self) -> f64 {
+        self.least
+    }
+
+    /// How many times the eigenvalue nearest to the cut of its block is larger or smaller than that.
+    #[must_use]
+    pub(crate) const fn margin(&self) -> f64 {
+        self.margin
+    }
+
+    /// v ← Π v; gives ‖Nᵀ v‖.
+    pub(crate) fn project(&self, v: &mut [f64]) -> f64 {
+        let n = self.len();
+        let mut square = 0.0;
+        for vector in self.vectors[..(n - self.rank) * n].chunks_exact(n.max(1)) {
+            let part = dot(vector, v);
+            square += part * part;
+            axpy(-part, vector, v);
+        }
+        square.sqrt()
+    }
+
+    /// The i-th eigenvalue; those dropped come first.
+    #[cfg(test)]
     #[must_use]
     pub(crate) fn value(&self, i: usize) -> f64 {
         self.values[i]
@@ -193,26 +351,26 @@ impl SymmetricEigen {
             inconsistency: Some(inconsistency),
             rank: Some(self.rank),
             null_residual: Some(self.null_residual()),
+            margin: Some(self.margin),
             ..Info::trivial(0.0)
         }
     }
 
-    /// ‖A x − P b‖ / ‖b‖ for an x in range(A), P the projector onto range(A); 0 when b = 0. Call it after
-    /// [`solve`](Self::solve) with the same system, whose Uᵀ b it uses.
+    /// ‖Π (A x − b)‖ / ‖b‖ for an x in range(A), Π the projector onto range(A); 0 when b = 0.
     ///
     /// # Panics
     /// If the system or x are not of the size decomposed.
-    pub(crate) fn residual_rel(&mut self, problem: &mut Problem<'_>, x: &[f64]) -> f64 {
-        let (n, null) = (self.len(), self.len() - self.rank);
+    fn residual_rel(&mut self, problem: &mut Problem<'_>, x: &[f64]) -> f64 {
+        let n = self.len();
         assert_eq!((problem.len(), x.len()), (n, n));
-        let norm = norm(problem.rhs());
-        if norm == 0.0 {
-            return 0.0;
-        }
-        // Uᵀ(A x) on the range, with A itself rather than its decomposition, so that a wrong one shows.
-        problem.apply(x, &mut self.image);
-        let miss = |i: usize| (dot(self.vector(i), &self.image) - self.projected[i]).powi(2);
-        (null..n).map(miss).sum::<f64>().sqrt() / norm
+        // With A itself rather than its decomposition, so that a wrong one shows.
+        let mut image = mem::take(&mut self.image);
+        problem.apply(x, &mut image);
+        axpy(-1.0, problem.rhs(), &mut image);
+        self.project(&mut image);
+        let (left, b_norm) = (norm(&image), norm(problem.rhs()));
+        self.image = image;
+        if b_norm == 0.0 { 0.0 } else { left / b_norm }
     }
 
     /// ‖A N‖ / ‖A‖ of the null-space basis, the eigenvectors that are dropped; 0 without any.
@@ -235,4 +393,32 @@ impl SymmetricEigen {
             rank_one(self.values[i].recip(), self.vector(i), inverse);
         }
     }
+}
+
+fn power_of_two_near_inverse_root(entry: f64) -> f64 {
+    if entry > f64::MIN_POSITIVE { (-0.5 * entry.log2()).round().exp2() } else { 1.0 }
+}
+
+/// How many times the value nearest to the cut is larger or smaller than that, of those that the cut tells apart; the first
+/// `null` are dropped.
+fn margin(values: &[f64], null: usize, rank_cut: f64) -> f64 {
+    let cut = rank_cut * largest(values);
+    let kept = values[null..].iter().fold(f64::INFINITY, |least, value| least.min(value / cut));
+    let dropped = values[..null]
+        .iter()
+        .filter(|&&value| value <= cut)
+        .fold(0.0_f64, |most, value| most.max(value / cut));
+    kept.min(dropped.max(f64::MIN_POSITIVE).recip())
+}
+
+fn check_semidefinite(values: &[f64]) -> Result<(), Error> {
+    let fold =
+        |start: f64, of: fn(f64, f64) -> f64| values.iter().fold(start, |found, &value| of(found, value));
+    let (smallest, largest) = (fold(f64::INFINITY, f64::min), fold(f64::NEG_INFINITY, f64::max));
+    // Subnormal eigenvalues count as zero, and their sign says nothing.
+    let scale = largest.abs().max(smallest.abs());
+    if smallest < -(SEMIDEFINITE_TOLERANCE * scale).max(f64::MIN_POSITIVE) {
+        return Err(Error::NotPositiveSemidefinite { smallest, largest });
+    }
+    Ok(())
 }

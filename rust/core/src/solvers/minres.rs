@@ -7,9 +7,7 @@
 //!     x += φ w         W = V R⁻¹, by a recurrence of three terms; φ the rotated ‖r₀‖
 //! ```
 //!
-//! x minimises ‖b − A x‖ over x₀ + K, so ‖r‖ never rises. One product an iteration; ‖A r‖, for the least-squares test,
-//! comes with the rotations. That test is made before x is moved: where b is not in range(A), the last step would divide
-//! by zero, and at least squares nothing is left to gain.
+//! x minimises ‖b − A x‖ over x₀ + K, so ‖r‖ never rises. One product an iteration.
 
 use std::mem;
 
@@ -67,10 +65,6 @@ impl Method for Minres {
             let diagonal = sine * pending - cosine * alpha;
             above = sine * beta;
             pending = -cosine * beta;
-            // ‖A r‖ = ‖r‖ ‖(diagonal, pending)‖, r still that of the x before.
-            if goal.least_squares(residual * diagonal.hypot(pending), residual) {
-                return End::Claimed;
-            }
             let length = diagonal.hypot(beta);
             (cosine, sine) = (diagonal / length, beta / length);
             for ((w_old, w), v) in w_old.iter_mut().zip(&*w).zip(&*v) {
@@ -104,7 +98,7 @@ mod tests {
         let info = solve("minres", &mut x);
         solve("pinv", &mut reference);
         assert_eq!(info.status, Status::Converged, "{info:?}");
-        assert!((info.residual_rel - (2.0_f64 / 3.0).sqrt()).abs() < 1e-14, "{info:?}");
+        assert!(info.residual_rel < 1e-14, "{info:?}");
         for (x, reference) in x.iter().zip(reference) {
             assert!((x - reference).abs() < 1e-13, "{x} {reference}");
         }

@@ -33,6 +33,11 @@ impl Solver for Pinv {
     type Params = PinvParams;
     const SUMMARY: &'static str = "pseudo-inverse by symmetric eigendecomposition: the reference";
     const NEEDS: Needs = Needs::Dense;
+    const DIRECT: bool = true;
+
+    fn rank_cut(&self) -> Option<f64> {
+        Some(self.params.rank_cut)
+    }
 
     fn new(params: PinvParams) -> Self {
         Self { params, eigen: SymmetricEigen::new(0) }
@@ -44,7 +49,8 @@ impl Solver for Pinv {
         if self.eigen.len() != n {
             self.eigen = SymmetricEigen::new(n);
         }
-        self.eigen.decompose(problem.matrix(), self.params.rank_cut)?;
+        let (matrix, blocks) = problem.matrix_and_blocks();
+        self.eigen.decompose(matrix, self.params.rank_cut, blocks)?;
         Ok(self.eigen.answer(problem, x))
     }
 

@@ -38,6 +38,10 @@ impl Solver for PinvTracked {
     const SUMMARY: &'static str = "pseudo-inverse by eigenvectors refined from step to step, to rounding";
     const NEEDS: Needs = Needs::Dense;
 
+    fn rank_cut(&self) -> Option<f64> {
+        Some(self.params.rank_cut)
+    }
+
     fn new(params: PinvTrackedParams) -> Self {
         Self { params, carried: CarriedEigen::new(0) }
     }
@@ -48,7 +52,8 @@ impl Solver for PinvTracked {
         if self.carried.eigen().len() != n {
             self.carried = CarriedEigen::new(n);
         }
-        let rounds = self.carried.decompose(problem.matrix(), self.params.rank_cut)?;
+        let (matrix, blocks) = problem.matrix_and_blocks();
+        let rounds = self.carried.decompose(matrix, self.params.rank_cut, blocks)?;
         let (iterations, refreshed) = (rounds.unwrap_or(0), rounds.is_none());
         Ok(Info { iterations, refreshed, ..self.carried.eigen().answer(problem, x) })
     }

@@ -203,6 +203,10 @@ impl<U: Update> Solver for QuasiNewton<U> {
     const SUMMARY: &'static str = U::SUMMARY;
     const NEEDS: Needs = Needs::Operator;
 
+    fn rank_cut(&self) -> Option<f64> {
+        Some(self.params.rank_cut)
+    }
+
     fn new(params: QuasiNewtonParams<U>) -> Self {
         Self::sized(params, 0)
     }
@@ -216,12 +220,16 @@ impl<U: Update> Solver for QuasiNewton<U> {
         self.at.r.fill(0.0);
         axpy(-1.0, problem.rhs(), &mut self.at.r);
         let trace = problem.trace();
-        let tolerance = self.params.eps_abs.max(self.params.rtol * self.at.b_norm);
+        self.at.tolerance = self.params.eps_abs.max(self.params.rtol * self.at.b_norm);
         let status = loop {
             if !self.search(problem, trace) {
-                break if norm(&self.at.r) <= tolerance { Status::Converged } else { Status::Breakdown };
+                break if norm(&self.at.r) <= self.at.tolerance {
+                    Status::Converged
+                } else {
+                    Status::Breakdown
+                };
             }
-            let verdict = |at: &Iterate| at.verdict(&self.carried, tolerance, self.params.max_iterations);
+            let verdict = |at: &Iterate| at.verdict(&self.carried, self.params.max_iterations);
             let mut status = verdict(&self.at);
             if status == Some(Status::Converged) {
                 self.at.residual(problem);

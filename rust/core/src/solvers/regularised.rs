@@ -136,7 +136,7 @@ impl Regularised {
             }
             // On this rare path, and nowhere else, memory is taken: indefinite, or positive semidefinite to rounding?
             if grown == 0 {
-                SymmetricEigen::new(n).decompose(problem.matrix(), RANK_CUT)?;
+                SymmetricEigen::new(n).decompose_alone(problem.matrix(), RANK_CUT)?;
             }
             epsilon *= GROWTH;
             grown += 1;
@@ -223,6 +223,7 @@ impl Solver for Regularised {
             inconsistency: None,
             rank: None,
             null_residual: None,
+            tolerance: self.params.rtol,
             fallbacks,
             ..Info::trivial(0.0)
         })

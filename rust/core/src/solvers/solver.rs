@@ -19,6 +19,13 @@ pub trait MultiplierSolver: Send + Sync {
     /// What the solver works with.
     fn needs(&self) -> Needs;
 
+    /// The rank cut that the solver works with, if it has one.
+    fn rank_cut(&self) -> Option<f64>;
+
+    /// Whether the answer comes from a factorisation of this step's A alone, whose rank is checked: see
+    /// [`ConstrainedSystem::solve`](crate::ConstrainedSystem::solve).
+    fn is_direct(&self) -> bool;
+
     /// Solves the problem of one step into `x` (`n`).
     ///
     /// A problem of another size than the last one starts the solver anew, as [`reset`](Self::reset) does.
@@ -61,6 +68,14 @@ pub trait Solver: Clone + Send + Sync + 'static {
     /// What the solver works with.
     const NEEDS: Needs;
 
+    /// Whether the answer comes from a factorisation of this step's A alone, whose rank is checked.
+    const DIRECT: bool = false;
+
+    /// Returns the rank cut that the solver works with; `None` for one that has none.
+    fn rank_cut(&self) -> Option<f64> {
+        None
+    }
+
     /// Makes a solver with these parameters, before its first step.
     fn new(params: Self::Params) -> Self;
 
@@ -95,6 +110,14 @@ impl<S: Solver> MultiplierSolver for S {
 
     fn needs(&self) -> Needs {
         S::NEEDS
+    }
+
+    fn rank_cut(&self) -> Option<f64> {
+        Solver::rank_cut(self)
+    }
+
+    fn is_direct(&self) -> bool {
+        S::DIRECT
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {

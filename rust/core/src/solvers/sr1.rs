@@ -144,6 +144,7 @@ impl Sr1 {
         self.resize(n);
         let Self { params, carried, at, y, hr } = self;
         at.begin(carried, problem)?;
+        at.tolerance = params.eps_abs;
         at.solve_with(carried, problem);
         // y₀ = A x₁ = r₁ + b
         y.copy_from_slice(&at.r);
@@ -159,7 +160,7 @@ impl Sr1 {
                 x: &at.x,
                 r: &at.r,
             });
-            if let Some(status) = at.verdict(carried, params.eps_abs, params.max_iterations) {
+            if let Some(status) = at.verdict(carried, params.max_iterations) {
                 break status;
             }
             gemv(&carried.inverse, &at.r, hr);
@@ -194,6 +195,10 @@ impl Solver for Sr1 {
     type Params = Sr1Params;
     const SUMMARY: &'static str = "the paper's algorithm (11): SR1 carried from step to step, faithful";
     const NEEDS: Needs = Needs::Operator;
+
+    fn rank_cut(&self) -> Option<f64> {
+        Some(self.params.rank_cut)
+    }
 
     fn new(params: Sr1Params) -> Self {
         Self::sized(params, 0)

@@ -119,6 +119,10 @@ pub struct Tracked {
     null: NullSpace,
     /// z of accepted solutions, A z = x.
     past: History,
+    /// Eigenvalues up to this part of the trace are zero, or explained by rows that stand open.
+    explained: f64,
+    /// Rank that was held at the last refresh.
+    ceiling: usize,
     /// What 1 − H A may leave of a direction in this solve: all of it, or more if that was seen.
     staleness: f64,
     /// Π b.
@@ -166,6 +170,8 @@ impl Tracked {
             carried: CarriedInverse::new(n, params.rank_cut),
             null: NullSpace::new(n),
             past: History::new(params.predict, n),
+            explained: params.rank_cut,
+            ceiling: n,
             staleness: 1.0,
             b: vector(),
             x: vector(),
@@ -377,6 +383,10 @@ impl Solver for Tracked {
     const SUMMARY: &'static str = "SR1 with null-space tracking: minimum norm kept while null(A) moves";
     const NEEDS: Needs = Needs::Operator;
 
+    fn rank_cut(&self) -> Option<f64> {
+        Some(self.params.rank_cut)
+    }
+
     fn new(params: TrackedParams) -> Self {
         Self::sized(params, 0)
     }
@@ -388,12 +398,15 @@ impl Solver for Tracked {
             *self = Self::sized(self.params, n);
         }
         let mut count = Count::default();
-        let advanced = if self.carried.is_stale() { Err(Lost) } else { self.advance(problem, &mut count) };
+        self.explained = problem.blocks().explained(self.params.rank_cut);
+        let stale = self.carried.is_stale() || self.ceiling != problem.blocks().ceiling();
+        let advanced = if stale { Err(Lost) } else { self.advance(problem, &mut count) };
         let refreshed = advanced.is_err();
         let [inconsistency, null_residual, r_norm] = if let Ok(figures) = advanced {
             figures
         } else {
             let [inconsistency, r_norm] = self.refresh(problem, &mut count)?;
+            self.ceiling = problem.blocks().ceiling();
             [inconsistency, self.carried.eigen().null_residual(), r_norm]
         };
         x.copy_from_slice(&self.x);
@@ -406,6 +419,7 @@ impl Solver for Tracked {
             inconsistency: Some(inconsistency),
             rank: Some(n - self.null.dim()),
             null_residual: Some(null_residual),
+            tolerance: self.params.rtol,
             refreshed,
             fallbacks: count.fallbacks,
             ..Info::trivial(0.0)

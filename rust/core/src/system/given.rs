@@ -4,6 +4,7 @@ use std::mem;
 
 use nalgebra::{Cholesky, DMatrix};
 
+use super::scale::{exponent_of_small, power_of_two};
 use super::{ConstrainedSystem, SYMMETRY_TOLERANCE};
 use crate::error::{Error, check_len, check_size};
 use crate::solvers::eigen::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
@@ -61,7 +62,16 @@ impl ConstrainedSystem {
             }
         }
         self.formed = true;
-        self.outside = self.fold.reduce(self.rhs.as_slice(), self.reduced_rhs.as_mut_slice());
+        // An even power, as that of W.
+        self.exponent = exponent_of_small(self.dense.amax()) / 2;
+        if self.exponent != 0 {
+            self.dense *= power_of_two(self.exponent);
+            self.dense *= power_of_two(self.exponent);
+        }
+        let classes = self.fold.shares().map(|share| share.map(|(class, _)| class));
+        self.blocks.find_dense(self.dense.as_slice(), self.dense.nrows(), classes);
+        self.blocks.step(self.gap.take());
+        self.reduce_rhs();
         Ok(())
     }
 
@@ -95,7 +105,7 @@ impl ConstrainedSystem {
         }
         let mut scaled = DMatrix::zeros(n, n);
         fill(&mut scaled, 0.0);
-        SymmetricEigen::new(n).decompose(scaled.as_slice(), 0.0).map_err(|error| match error {
+        SymmetricEigen::new(n).decompose_alone(scaled.as_slice(), 0.0).map_err(|error| match error {
             Error::NotPositiveSemidefinite { smallest, largest: most } => {
                 Error::NotPositiveSemidefinite { smallest: smallest * largest, largest: most * largest }
             }

@@ -1,6 +1,7 @@
 //! The tests of the crate through its public face: one program, because every one of them would be linked anew.
 
 mod bad_input;
+mod blocks;
 mod claims;
 mod claims_boat;
 mod every_solver;

@@ -113,7 +113,8 @@ fn defaults_say_what_kind_an_option_is_of() {
         [
             ("rtol", Value::Float(1e-10)),
             ("max_iterations", Value::Integer(500)),
-            ("warm", Value::Switch(true))
+            ("warm", Value::Switch(true)),
+            ("rank_cut", Value::Float(1e-10))
         ]
     );
     assert!(of("sr1-tracked").contains(&("predict", Value::Integer(5))));
@@ -125,8 +126,9 @@ fn a_number_may_be_written_as_another_kind_and_a_switch_is_none() {
         KrylovParams::<Minres>::from_options(&Options::new().with(option, value))
             .map_err(|error| error.to_string())
     };
-    let expected =
-        |max_iterations, warm| Ok(KrylovParams { rtol: 1e-10, max_iterations, warm, method: PhantomData });
+    let expected = |max_iterations, warm| {
+        Ok(KrylovParams { rtol: 1e-10, max_iterations, warm, rank_cut: 1e-10, method: PhantomData })
+    };
     for value in [Value::Integer(7), Value::Float(7.0)] {
         assert_eq!(cg("max_iterations", value), expected(7, true));
     }
@@ -183,7 +185,13 @@ fn every_option_reaches_its_parameter_and_the_last_value_counts() {
     };
     assert_eq!(QuasiNewtonParams::from_options(&options), Ok(expected));
     let options = Options::new().with("rtol", 0.5).with("max_iterations", 7).with("warm", false);
-    let expected = KrylovParams { rtol: 0.5, max_iterations: 7, warm: false, method: PhantomData::<Minres> };
+    let expected = KrylovParams {
+        rtol: 0.5,
+        max_iterations: 7,
+        warm: false,
+        rank_cut: 1e-10,
+        method: PhantomData::<Minres>,
+    };
     assert_eq!(KrylovParams::from_options(&options), Ok(expected));
     let options = options.with("epsilon", 1e-3).with("warm", true);
     let expected = RegularisedParams { epsilon: 1e-3, rtol: 0.5, max_iterations: 7, warm: true };

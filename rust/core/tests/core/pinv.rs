@@ -95,16 +95,29 @@ fn the_zero_matrix_has_rank_zero_and_the_zero_solution() {
     assert_eq!((info.residual_rel, info.null_residual), (0.0, Some(0.0)));
 }
 
+/// These eigenvalues in one block: a reflection of their diagonal.
+fn turned(eigenvalues: &[f64; 4]) -> ConstrainedSystem {
+    let normal = DVector::from_row_slice(&[1.0, 2.0, 3.0, 4.0]).normalize();
+    let mirror = DMatrix::<f64>::identity(4, 4) - 2.0 * &normal * normal.transpose();
+    let values = DMatrix::from_diagonal(&DVector::from_row_slice(eigenvalues));
+    let matrix: DMatrix<f64> = &mirror * values * &mirror;
+    let symmetric = 0.5 * (&matrix + matrix.transpose());
+    dense(&symmetric, &DVector::from_element(4, 1.0))
+}
+
 #[test]
-fn the_rank_cut_is_relative_to_the_largest_eigenvalue() {
+fn the_rank_cut_is_relative_to_the_largest_eigenvalue_of_a_block() {
     // Just above and just below the default cut of 1e-10.
     let eigenvalues = [1.0, 2e-10, 0.5e-10, 0.0];
     for (scale, rank_cut, rank) in
         [(1.0, 1e-10, 2), (1e8, 1e-10, 2), (1e-8, 1e-10, 2), (1.0, 1e-11, 3), (1.0, 1e-3, 1)]
     {
-        let mut system = diagonal(&eigenvalues.map(|value| value * scale));
+        let mut system = turned(&eigenvalues.map(|value| value * scale));
         let (_, info) = solve(&mut Pinv::new(PinvParams { rank_cut }), &mut system);
         assert_eq!(info.rank, Some(rank), "scale {scale:e}, cut {rank_cut:e}");
+        let mut apart = diagonal(&eigenvalues.map(|value| value * scale));
+        let (_, info) = solve(&mut Pinv::new(PinvParams { rank_cut }), &mut apart);
+        assert_eq!(info.rank, Some(3), "a block each: only what is zero is dropped");
     }
 }
 

@@ -94,10 +94,15 @@ fn a_solve_that_only_rounding_can_end_gives_no_garbage() {
         let (mut sr1, mut system) = (Sr1::new(PARAMS), rows(after, [1.0, 1.0, 0.0]));
         solve(&mut sr1, &mut rows(SUM, [1.0, 1.0, 2.0]));
         let (x, info) = solve(&mut sr1, &mut system);
-        assert_eq!(info.refreshed, info.status != Status::Converged, "{name}");
+        assert!(info.refreshed <= (info.status != Status::Converged), "{name}");
+        // Without a refresh it is right, or says that it is not.
         let reference = solve(&mut *solver("pinv"), &mut system).0;
         let tolerance = if info.refreshed { ROUNDING } else { PARAMS.eps_abs };
-        assert_within(name, (x - &reference).norm(), tolerance * reference.norm());
+        let off = (x - &reference).norm();
+        assert!(
+            info.status == Status::Inaccurate || off <= tolerance * reference.norm(),
+            "{name}: {off:e}, {info:?}"
+        );
     }
 }
 

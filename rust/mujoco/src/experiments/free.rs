@@ -3,12 +3,12 @@
 use std::mem;
 use std::sync::Arc;
 
-use oarlock_core::Status;
+use oarlock_core::{Info, Status};
 
 use super::Solver;
 use super::common::{Companion, MujocoWalker, apart, projecting};
 use crate::error::Error;
-use crate::force::{Reference, SolvedForce, Tally};
+use crate::force::{SolvedForce, Tally};
 use crate::library::Data;
 use crate::projection::Projector;
 use crate::run::{Experiment, Notes, Observed, Run, Setup, Snapshot};
@@ -197,7 +197,8 @@ struct FreeSolved {
     walker: ForcedWalker<SolvedForce>,
     theirs: Companion,
     halved: Option<Halved>,
-    reference: Reference,
+    /// What is known of the question of the step.
+    known: Info,
     notes: Notes,
     steps: Steps,
 }
@@ -212,7 +213,6 @@ pub fn free_solved(
     form: Form,
     solver: Solver,
     projector: Option<Projector>,
-    reference: Solver,
     beside: Option<Solver>,
     steps: usize,
 ) -> Result<Run, Error> {
@@ -224,7 +224,7 @@ pub fn free_solved(
         walker: ForcedWalker::new(own.data()?, own.drive, force, projector)?,
         theirs: Companion::new(setup)?,
         halved,
-        reference: Reference::new(reference),
+        known: Info::trivial(0.0),
         notes: Notes::new(setup),
         steps: Steps::default(),
     };
@@ -233,7 +233,7 @@ pub fn free_solved(
 
 impl Experiment for FreeSolved {
     fn unrecorded(&mut self) {
-        self.walker.force.answer.timed = false;
+        self.walker.force.answer.recorded = false;
     }
 
     fn look(&mut self) -> Result<(), Error> {
@@ -242,7 +242,7 @@ impl Experiment for FreeSolved {
     }
 
     fn record(&mut self, step: usize) -> Result<(), Error> {
-        let Self { walker, theirs, halved, reference, notes, steps } = self;
+        let Self { walker, theirs, halved, known, notes, steps } = self;
         let (data, force) = (&mut walker.data, &mut walker.force);
         notes.state(steps, step, data, &force.state, data.qacc());
         theirs.compare(steps, data.qpos())?;
@@ -250,8 +250,9 @@ impl Experiment for FreeSolved {
             halved.compare(steps, notes.observed, data)?;
         }
         notes.free(steps, step, data)?;
-        reference.ask(&mut force.system)?;
-        steps.float("min_norm_error", relative_difference(&force.answer.multipliers, &reference.multipliers));
+        let (multipliers, info) = force.system.reference(&*force.solver)?;
+        steps.float("min_norm_error", relative_difference(&force.answer.multipliers, multipliers));
+        *known = *info;
         Ok(())
     }
 
@@ -260,7 +261,7 @@ impl Experiment for FreeSolved {
     }
 
     fn finish(&mut self, step_us: f64) -> Result<(), Error> {
-        mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.reference.info);
+        mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.known);
         projecting(&mut self.steps, self.walker.projector.as_ref());
         self.steps.float("step_us", step_us);
         Ok(())

@@ -5,7 +5,7 @@ use oarlock_core::ConstrainedSystem;
 use super::Solver;
 use super::common::{MujocoWalker, projecting};
 use crate::error::Error;
-use crate::force::{Answer, Reference, SolvedForce, Tally};
+use crate::force::{Answer, SolvedForce, Tally};
 use crate::library::Data;
 use crate::projection::Projector;
 use crate::run::{Experiment, Notes, Run, Setup, Snapshot};
@@ -24,7 +24,6 @@ enum Leader {
 struct Question {
     form: Form,
     system: ConstrainedSystem,
-    reference: Reference,
     answer: Answer,
     solvers: Vec<(Solver, Steps)>,
 }
@@ -38,8 +37,8 @@ struct Lockstep {
     own: [Vec<f64>; 3],
 }
 
-/// A form, the solver whose multipliers count as the minimum-norm ones, and the solvers held against it.
-pub type Asked = (Form, Solver, Vec<Solver>);
+/// A form, and who answers in it.
+pub type Asked = (Form, Vec<Solver>);
 
 /// One engine walks; at each of its states every solver answers the same question, and MuJoCo its own. `leader` is a solver
 /// that walks in the hard form with what ends its steps, or none for MuJoCo.
@@ -60,10 +59,9 @@ pub fn lockstep(
             Leader::Solver(Box::new(ForcedWalker::new(setup.data()?, setup.drive.clone(), force, projector)?))
         }
     };
-    let question = |(form, reference, solvers): Asked| Question {
+    let question = |(form, solvers): Asked| Question {
         form,
         system: ConstrainedSystem::new(),
-        reference: Reference::new(reference),
         answer: Answer::new(nv),
         solvers: solvers.into_iter().map(|solver| (solver, Steps::default())).collect(),
     };
@@ -127,19 +125,16 @@ impl Experiment for Lockstep {
             Leader::Solver(walker) => (&mut walker.data, &mut walker.force.state),
         };
         for question in &mut self.questions {
-            let Question { form, system, reference, answer, solvers } = question;
+            let Question { form, system, answer, solvers } = question;
             state.ask(data, *form, system)?;
-            reference.ask(system)?;
             for (solver, steps) in solvers {
                 answer.fill(data, state, system, &mut **solver)?;
                 self.notes.state(steps, step, data, state, &answer.qacc);
                 let mut tally = Tally::default();
                 tally.add(&answer.info, answer.elapsed);
-                tally.write(steps, &reference.info);
-                steps.float(
-                    "min_norm_error",
-                    relative_difference(&answer.multipliers, &reference.multipliers),
-                );
+                let (multipliers, known) = system.reference(&**solver)?;
+                tally.write(steps, known);
+                steps.float("min_norm_error", relative_difference(&answer.multipliers, multipliers));
                 steps.float("qacc_rel_diff", relative_difference(&answer.qacc, &self.qacc));
                 steps.float("qfrc_constraint_rel_diff", relative_difference(&answer.qfrc, &self.qfrc));
                 steps.list("multipliers", &answer.multipliers);

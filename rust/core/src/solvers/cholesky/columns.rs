@@ -2,7 +2,7 @@
 //!
 //! Matrices are flat, column-major, of stride n; the lower triangle is read and written.
 
-use super::found::Found;
+use super::found::{Asked, Found};
 use crate::linalg::kernels::{axpy, dot};
 
 /// `out` = Pᵀ v.
@@ -13,12 +13,12 @@ pub(super) fn permute(pivots: &[usize], v: &[f64], out: &mut [f64]) {
 }
 
 /// Pᵀ A P = L Lᵀ in place, column by column.
-pub(super) fn factorise(n: usize, rank_cut: f64, a: &mut [f64], pivots: &mut [usize]) -> Found {
+pub(super) fn factorise(n: usize, asked: Asked, a: &mut [f64], pivots: &mut [usize]) -> Found {
     for (index, pivot) in pivots.iter_mut().enumerate() {
         *pivot = index;
     }
     // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
-    let rank_cut = rank_cut.max(n as f64 * f64::EPSILON);
+    let rank_cut = asked.rank_cut.max(n as f64 * f64::EPSILON);
     let mut found = Found::full(n, 0.0);
     for col in 0..n {
         let mut best = col;
@@ -31,7 +31,7 @@ pub(super) fn factorise(n: usize, rank_cut: f64, a: &mut [f64], pivots: &mut [us
         if col == 0 {
             found.first = pivot;
         }
-        if pivot <= rank_cut * found.first || pivot <= f64::MIN_POSITIVE {
+        if col == asked.ceiling || pivot <= rank_cut * found.first || pivot <= f64::MIN_POSITIVE {
             found.rank = col;
             found.dropped = pivot.max(0.0);
             found.lowest = (col..n).map(|i| a[i * n + i]).fold(f64::INFINITY, f64::min);

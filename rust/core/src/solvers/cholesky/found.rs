@@ -1,10 +1,23 @@
-//! What a factorisation says of rank and null space.
+//! What a factorisation is asked, and what it says of rank and null space.
+
+use crate::problem::Wanted;
 
 /// A null space found to this many rounding errors of a factor, n ε λ₁ each, is left as it is.
 const ROUNDING: f64 = 16.0;
 
 /// How far the factor's null space may be off, by what is left over against the smallest pivot, to be refined: a step squares it.
 const REFINABLE: f64 = 0.1;
+
+/// What is asked of a factorisation.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Asked {
+    /// Pivots below this part of the first count as zero.
+    pub rank_cut: f64,
+    /// Pivots at most: the rank that is held.
+    pub ceiling: usize,
+    /// Whether multipliers are to have minimum norm.
+    pub wanted: Wanted,
+}
 
 /// What the factorisation found.
 #[derive(Debug, Clone, Copy)]

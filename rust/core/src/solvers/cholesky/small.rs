@@ -6,7 +6,7 @@
 
 #![allow(clippy::inline_always, clippy::needless_range_loop)] // see above; loops of a fixed length over several arrays
 
-use super::found::Found;
+use super::found::{Asked, Found};
 use crate::problem::Wanted;
 
 /// A pivot in the order of the last step is good enough when it is this part of the first one: searching and swapping cost
@@ -19,11 +19,10 @@ type Square<const N: usize> = [[f64; N]; N];
 /// reach into `outside`. `order` is the order of the pivots, to begin with that of the last step.
 #[inline(always)]
 pub(super) fn solve<const N: usize>(
-    rank_cut: f64,
+    asked: Asked,
     order: &mut [usize],
     a: &[f64],
     rhs: &[f64],
-    wanted: Wanted,
     x: &mut [f64],
     outside: &mut [f64],
 ) -> Found {
@@ -33,8 +32,8 @@ pub(super) fn solve<const N: usize>(
         std::array::from_fn(|col| std::array::from_fn(|row| a[pivots[col] * N + pivots[row]]));
     let (mut rows, mut inverses) = ([[0.0; N]; N], [0.0; N]);
     // Below n·ε a pivot is rounding, and dividing by it makes garbage of the rest.
-    let rank_cut = rank_cut.max(N as f64 * f64::EPSILON);
-    let found = factorise(rank_cut, &mut columns, &mut rows, &mut pivots, &mut inverses);
+    let rank_cut = asked.rank_cut.max(N as f64 * f64::EPSILON);
+    let found = factorise((rank_cut, asked.ceiling), &mut columns, &mut rows, &mut pivots, &mut inverses);
     order.copy_from_slice(&pivots);
     let rank = found.rank;
 
@@ -54,7 +53,7 @@ pub(super) fn solve<const N: usize>(
         *entry *= inverse;
     }
     backward(rank, &rows, &mut permuted);
-    if wanted == Wanted::Multipliers {
+    if asked.wanted == Wanted::Multipliers {
         null.project(&mut permuted);
     }
     for (&entry, &pivot) in permuted.iter().zip(&pivots) {
@@ -85,7 +84,7 @@ fn dot<const N: usize>(x: &[f64; N], y: &[f64; N]) -> f64 {
 /// `inverses`, which is 0 beyond the rank.
 #[inline(always)]
 fn factorise<const N: usize>(
-    rank_cut: f64,
+    (rank_cut, ceiling): (f64, usize),
     a: &mut Square<N>,
     rows: &mut Square<N>,
     pivots: &mut [usize; N],
@@ -95,10 +94,11 @@ fn factorise<const N: usize>(
     found.first = (0..N).fold(f64::NEG_INFINITY, |first, i| first.max(a[i][i]));
     for col in 0..N {
         let mut pivot = a[col][col];
-        if pivot.is_nan() || pivot < GOOD_PIVOT * found.first || pivot <= f64::MIN_POSITIVE {
+        if col == ceiling || pivot.is_nan() || pivot < GOOD_PIVOT * found.first || pivot <= f64::MIN_POSITIVE
+        {
             let best = (col..N).fold(col, |best, i| if a[i][i] > a[best][best] { i } else { best });
             pivot = a[best][best];
-            if pivot <= rank_cut * found.first || pivot <= f64::MIN_POSITIVE {
+            if col == ceiling || pivot <= rank_cut * found.first || pivot <= f64::MIN_POSITIVE {
                 found.rank = col;
                 found.dropped = pivot.max(0.0);
                 found.lowest = (col..N).map(|i| a[i][i]).fold(f64::INFINITY, f64::min);

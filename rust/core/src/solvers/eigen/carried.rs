@@ -17,9 +17,10 @@
 //! Within the null space nothing is turned, whose eigenvectors nobody asks for: there the values are rounding, or what is left
 //! of a redundant row in a loop that stands open, and their vectors turn as they like.
 
-use super::{SEMIDEFINITE_TOLERANCE, SymmetricEigen};
+use super::{GRADED, ILL, SEMIDEFINITE_TOLERANCE, SymmetricEigen, margin};
 use crate::error::Error;
 use crate::linalg::kernels::{axpy, by_size, gram, largest, multiply, multiply_tr, norm, widest};
+use crate::problem::Blocks;
 use crate::solvers::history::{History, LONGEST};
 use crate::solvers::solver::State;
 
@@ -82,13 +83,21 @@ impl CarriedEigen {
     ///
     /// # Errors
     /// Those of [`SymmetricEigen::decompose`].
-    pub(crate) fn decompose(&mut self, matrix: &[f64], rank_cut: f64) -> Result<Option<usize>, Error> {
-        let rounds = self.refine(matrix, rank_cut);
+    pub(crate) fn decompose(
+        &mut self,
+        matrix: &[f64],
+        rank_cut: f64,
+        blocks: &mut Blocks,
+    ) -> Result<Option<usize>, Error> {
+        let rounds = self.refine(matrix, rank_cut, blocks);
         if rounds.is_none() {
             self.forget();
-            self.eigen.decompose(matrix, rank_cut)?;
+            self.eigen.decompose(matrix, rank_cut, blocks)?;
         }
-        self.past.push(&self.eigen.vectors);
+        // Of several blocks the vectors come in an order of their own.
+        if blocks.len() == 1 {
+            self.past.push(&self.eigen.vectors);
+        }
         Ok(rounds)
     }
 
@@ -124,8 +133,11 @@ impl CarriedEigen {
         Ok(carried)
     }
 
-    fn refine(&mut self, matrix: &[f64], rank_cut: f64) -> Option<usize> {
-        if self.past.is_empty() {
+    fn refine(&mut self, matrix: &[f64], rank_cut: f64, blocks: &mut Blocks) -> Option<usize> {
+        let n = self.eigen.len();
+        let graded =
+            |sizes: &mut Vec<f64>| blocks.sizes(blocks.of(0), |row| matrix[row * (n + 1)], sizes) > GRADED;
+        if self.past.is_empty() || blocks.len() > 1 || graded(&mut self.eigen.scales) {
             return None;
         }
         self.past.advance();
@@ -136,19 +148,24 @@ impl CarriedEigen {
                 return None;
             }
             if turned * turned <= f64::EPSILON && !coupled {
-                return self.are_divided(rank_cut).then_some(round);
+                return self.are_divided(rank_cut, blocks).then_some(round);
             }
         }
         None
     }
 
-    /// Whether the kept values, and no others, are above the cut, and the others not below zero.
-    fn are_divided(&self, rank_cut: f64) -> bool {
-        let (dropped, kept) = self.eigen.values.split_at(self.eigen.len() - self.eigen.rank);
-        let scale = largest(&self.eigen.values);
-        let cut = (rank_cut * scale).max(f64::MIN_POSITIVE);
-        dropped.iter().all(|&value| value <= cut && value >= -SEMIDEFINITE_TOLERANCE * scale)
-            && kept.iter().all(|&value| value > cut)
+    /// Whether the rank is still that of the kept values, all of which lie above the others, and those not below zero.
+    fn are_divided(&mut self, rank_cut: f64, blocks: &mut Blocks) -> bool {
+        let eigen = &mut self.eigen;
+        let null = eigen.len() - eigen.rank;
+        let (dropped, kept) = eigen.values.split_at(null);
+        let scale = largest(&eigen.values);
+        let least = kept.iter().fold(f64::INFINITY, |least, &value| least.min(value));
+        let told = dropped.iter().all(|&value| value < least && value >= -SEMIDEFINITE_TOLERANCE * scale);
+        eigen.margin = margin(&eigen.values, null, rank_cut);
+        eigen.least = if least.is_finite() { least } else { 0.0 };
+        // Of small ones the refinement has fewer digits than Jacobi's rotations.
+        told && least > ILL * scale && blocks.decide(0, &eigen.values, rank_cut, 0.0) == eigen.rank
     }
 
     /// Values and vectors of one round; gives ‖E‖, and whether vectors are coupled that cannot be told apart yet.
@@ -257,12 +274,12 @@ mod tests {
     fn an_eigenvalue_below_zero_is_refused_also_by_one_who_was_near_it() {
         let mut carried = CarriedEigen::new(3);
         let at = |value: f64| turned(&[1.0, 2.0, value], 0.3);
-        carried.decompose(at(1e-12).as_slice(), RANK_CUT).expect("semidefinite");
-        assert_eq!(carried.decompose(at(1e-13).as_slice(), RANK_CUT), Ok(Some(1)));
-        let refused = carried.decompose(at(-1e-6).as_slice(), RANK_CUT);
+        carried.decompose(at(1e-12).as_slice(), RANK_CUT, &mut Blocks::whole(3)).expect("semidefinite");
+        assert_eq!(carried.decompose(at(1e-13).as_slice(), RANK_CUT, &mut Blocks::whole(3)), Ok(Some(1)));
+        let refused = carried.decompose(at(-1e-6).as_slice(), RANK_CUT, &mut Blocks::whole(3));
         assert!(matches!(refused, Err(Error::NotPositiveSemidefinite { .. })), "{refused:?}");
         assert_eq!(
-            carried.decompose(at(0.0).as_slice(), RANK_CUT),
+            carried.decompose(at(0.0).as_slice(), RANK_CUT, &mut Blocks::whole(3)),
             Ok(None),
             "nothing is carried from what was refused"
         );
@@ -273,7 +290,7 @@ mod tests {
         let mut carried = CarriedEigen::new(4);
         for k in 0..50 {
             let matrix = turned(&[3.0, 1.0, 1.0, 0.0], 0.3 + 1e-3 * f64::from(k));
-            carried.decompose(matrix.as_slice(), RANK_CUT).expect("semidefinite");
+            carried.decompose(matrix.as_slice(), RANK_CUT, &mut Blocks::whole(4)).expect("semidefinite");
             let eigen: &SymmetricEigen = carried.eigen();
             let vectors = DMatrix::from_fn(4, 4, |row, col| eigen.vector(col)[row]);
             let values = DMatrix::from_fn(4, 4, |row, col| if row == col { eigen.value(row) } else { 0.0 });

@@ -42,7 +42,7 @@ impl Tracked {
             let rayleigh =
                 self.null.columns().zip(self.image.chunks_exact(n)).map(|(v, image)| dot(v, image).abs());
             // Beyond what the error of N explains it is a dropped eigenvalue, or one that is no longer to be dropped.
-            if size < 0.1 && rayleigh.fold(0.0, f64::max) > (self.params.rank_cut + size * size) * trace {
+            if size < 0.1 && rayleigh.fold(0.0, f64::max) > (self.explained + size * size) * trace {
                 return Err(Lost);
             }
             if size > SLOW * last {
@@ -52,7 +52,7 @@ impl Tracked {
                 self.saw_staleness(size, last);
                 self.learn_from_rounds(WORTHWHILE * last);
             }
-            if self.image_outside() > trace * (CAUTION * size + NULL_FLOOR + self.params.rank_cut) {
+            if self.image_outside() > trace * (CAUTION * size + NULL_FLOOR + self.explained) {
                 return Err(Lost);
             }
             self.null.correct(&self.correction);
@@ -98,7 +98,7 @@ impl Tracked {
         let curvature = dot(&self.s, &self.y) / (inconsistency * inconsistency);
         self.null.project(&mut self.y);
         let error = self.inverse_trace() * norm(&self.y) / inconsistency;
-        error <= tolerance && curvature <= (self.params.rank_cut + error * error) * problem.trace()
+        error <= tolerance && curvature <= (self.explained + error * error) * problem.trace()
     }
 
     /// The pairs (C, A C) of the last correction: y = A N − A N', and w = C − H y = H A N', which is the new C.

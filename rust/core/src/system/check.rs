@@ -1,0 +1,92 @@
+//! Statuses that are promises: an answer is held against that of a judge.
+
+use super::judge::ACCURATE;
+use super::{ConstrainedSystem, power_of_two};
+use crate::error::Error;
+use crate::info::{Info, Status};
+use crate::problem::Wanted;
+use crate::solvers::solver::MultiplierSolver;
+
+/// How far an acceleration may be off, in units of the residual that the stopping test allows.
+const ALLOWED: f64 = 10.0;
+
+impl ConstrainedSystem {
+    /// Returns the minimum-norm multipliers of the step (`n`) and what is known of it, by a direct solver that is not `solver`
+    /// and carries nothing from other steps. Each is asked once a step.
+    ///
+    /// # Errors
+    /// Those of [`solve`](Self::solve).
+    pub fn reference(&mut self, solver: &dyn MultiplierSolver) -> Result<(&[f64], &Info), Error> {
+        let at = self.judge(solver)?;
+        let judge = &self.judges.all[at];
+        Ok((&judge.multipliers, &judge.info))
+    }
+
+    /// Holds a solver to its word: an answer with the status [`Converged`](Status::Converged) whose acceleration is off by more than
+    /// [`ACCURATE`], or by more than its own tolerance allows, becomes [`Inaccurate`](Status::Inaccurate). A direct solver is
+    /// taken at its word.
+    ///
+    /// # Errors
+    /// Those of [`solve`](Self::solve), of the judge.
+    pub fn check(
+        &mut self,
+        solver: &dyn MultiplierSolver,
+        multipliers: &[f64],
+        info: &mut Info,
+    ) -> Result<(), Error> {
+        if solver.is_direct() || info.status != Status::Converged || self.reduced_rhs.is_empty() {
+            return Ok(());
+        }
+        let at = self.judge(solver)?;
+        let mut judges = std::mem::take(&mut self.judges);
+        let reference = &judges.all[at].reduced;
+        judges.gap.resize(reference.len(), 0.0);
+        self.fold.reduce(multipliers, &mut judges.gap);
+        // Where squares would underflow, the reference is in the units of what is solved.
+        let scale =
+            power_of_two(self.rhs_exponent) / power_of_two(self.exponent) / power_of_two(self.exponent);
+        for (gap, reference) in judges.gap.iter_mut().zip(reference) {
+            *gap = scale * *gap - reference;
+        }
+        let allowed = ACCURATE.max(ALLOWED * info.tolerance);
+        let problem = self.problem(Wanted::Multipliers);
+        // Block by block: a fast mechanism says nothing of a slow one beside it.
+        let wrong = (0..problem.blocks.len()).any(|block| {
+            let rows = problem.blocks.of(block);
+            let part = |of: &[f64]| rows.iter().map(|&row| of[row] * of[row]).sum::<f64>().sqrt();
+            let trace = rows.iter().map(|&row| problem.diagonal(row)).sum::<f64>();
+            let off = problem.acceleration_norm(rows, &judges.gap, &mut judges.work);
+            let scale = problem.acceleration_norm(rows, reference, &mut judges.work);
+            let most = allowed * scale.max(part(problem.rhs) / trace.sqrt());
+            // A NaN is no promise either.
+            off > most || off.is_nan() || most.is_nan()
+        });
+        self.judges = judges;
+        if wrong {
+            info.status = Status::Inaccurate;
+        }
+        Ok(())
+    }
+
+    /// Asks the judge of a solver, unless it has answered this step already; gives its place.
+    fn judge(&mut self, solver: &dyn MultiplierSolver) -> Result<usize, Error> {
+        let at = self.judges.of(solver);
+        if self.judges.all[at].fresh {
+            return Ok(at);
+        }
+        let mut judges = std::mem::take(&mut self.judges);
+        let judge = &mut judges.all[at];
+        judge.multipliers.resize(self.len(), 0.0);
+        // Of earlier steps not even the order of pivots.
+        judge.solver.reset();
+        let solved = self.solve_unchecked(&mut *judge.solver, Wanted::Multipliers, &mut judge.multipliers);
+        if let Ok(info) = &solved {
+            judge.info = *info;
+            judge.fresh = true;
+            judge.reduced.resize(self.reduced_rhs.len(), 0.0);
+            judge.reduced.copy_from_slice(&self.solution);
+        }
+        self.judges = judges;
+        solved.map(|_| at)
+    }
+}
