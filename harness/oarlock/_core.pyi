@@ -46,6 +46,9 @@ class Info:
     def margin(self) -> float | None:
         """How many times the eigenvalue nearest to the rank cut is larger or smaller than that."""
     @property
+    def risen(self) -> bool:
+        """Whether a rank that was held rose."""
+    @property
     def refreshed(self) -> bool:
         """Whether the carried pseudo-inverse was recomputed."""
     @property

@@ -161,15 +161,10 @@ def test_subclasses_of_arrays_are_read_as_arrays(solver):
     np.testing.assert_allclose(x, [1, 2, 0], rtol=SOLVE_RESIDUAL, atol=SOLVE_RESIDUAL)
 
 
-def test_an_answer_that_overflows_is_refused_or_not_converged(solver):
+def test_an_answer_that_overflows_is_refused(solver):
     tiny, large = np.full((1, 1), 1e-300), np.full(1, 1e100)
-    if solver.name in ("cg", "minres", "cholesky-regularised"):  # they stop short of it, with the x they have
-        x, info = solver.solve(tiny, large)
-        assert np.isfinite(x).all()
-        assert info.status != "converged"
-    else:
-        with pytest.raises(InputError, match=r"multipliers\[0\] = \S+, expected finite numbers"):
-            solver.solve(tiny, large)
+    with pytest.raises(InputError, match=r"multipliers\[0\] = \S+, expected finite numbers"):
+        solver.solve(tiny, large)
     assert solver.solve(A, B)[1].status == "converged"
 
 
@@ -272,7 +267,7 @@ def test_a_name_is_a_string():
 
 
 def test_defaults_are_of_the_kinds_of_their_options():
-    expected = {"max_iterations": 500, "rtol": 1e-10, "warm": True}
+    expected = {"max_iterations": 500, "rank_cut": 1e-10, "rtol": 1e-10, "warm": True}
     defaults = _core.solvers()["cg"][1]
     assert defaults == expected
     assert {option: type(value) for option, value in defaults.items()} == {

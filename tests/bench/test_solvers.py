@@ -14,8 +14,8 @@ def test_every_solver_takes_part_and_those_that_promise_the_minimum_norm_give_it
     names = [row["name"] for row in table if not row["library"]]
     assert names == solver_names()
     right = {row["name"] for row in table if row["right"]}
-    assert {"auto", "sr1-tracked", "pinv", "cholesky"} <= right
-    assert not right & {"sr1", "cg", "minres", "cholesky-regularised"}  # what they are known to lose
+    assert {"auto", "sr1-tracked", "pinv", "svd", "cholesky", "cg", "minres"} <= right
+    assert not right & {"sr1", "cholesky-regularised"}  # what they are known to lose
     assert any(row["right"] for row in table if row["library"])
     assert all(row["solve_ns"] > 0 and row["given_ns"] > 0 for row in table)
     assert min(row["solve_ratio_to_best"] for row in table if row["right"]) == 1

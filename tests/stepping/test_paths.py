@@ -27,8 +27,8 @@ def bare(xml: str, crank: float = 1.0, steps: int = 20, laws: dict[str, str] | N
     return Prepared(model, drive(model, laws or {}), model.qpos0.copy(), np.array([crank, 0.0, 0.0]), steps)
 
 
-def free(path: Path, reference: str = "pinv"):
-    return path.free(SolverSpec("auto"), "hard", TRACKED, SolverSpec(reference))
+def free(path: Path):
+    return path.free(SolverSpec("auto"), "hard", TRACKED)
 
 
 def test_a_model_without_a_case_walks_on_either():

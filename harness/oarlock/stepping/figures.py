@@ -8,6 +8,7 @@ import numpy as np
 
 from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.core import Info
+from oarlock.base.numbers import finite
 from oarlock.base.vectors import times
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
@@ -77,6 +78,8 @@ def solving(infos: Sequence[Info], known: Info) -> Row:
         "solve_ns": sum(info.elapsed_ns for info in infos),
         "rank": known.rank,
         "inconsistency": known.inconsistency,
+        "rank_margin": finite(known.margin),
+        "rank_rises": int(known.risen),
     }
 
 

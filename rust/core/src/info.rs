@@ -50,6 +50,8 @@ pub struct Info {
     /// How many times the eigenvalue nearest to the rank cut of its block is larger or smaller than the cut. Pivots stand for
     /// eigenvalues where the solver has none.
     pub margin: Option<f64>,
+    /// Whether a rank that was held rose in this step, because more stands than open rows explain.
+    pub risen: bool,
     /// Residual ‖A x − b‖ / ‖b‖ that the stopping test allows; 0 for a direct solver.
     pub tolerance: f64,
     /// Whether the carried pseudo-inverse was recomputed from scratch in this solve.
@@ -75,6 +77,7 @@ impl Info {
             rank: Some(0),
             null_residual: Some(0.0),
             margin: None,
+            risen: false,
             tolerance: 0.0,
             refreshed: false,
             fallbacks: 0,

@@ -468,6 +468,7 @@ impl ConstrainedSystem {
             .inspect_err(|_| solver.reset())?;
         info.folded = self.len() - self.fold.reduced();
         info.refolded = self.refolded;
+        info.risen = self.blocks.has_risen();
         Ok(info)
     }
 

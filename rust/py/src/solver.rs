@@ -32,6 +32,8 @@ pub struct Info {
     null_residual: Option<f64>,
     /// How many times the eigenvalue nearest to the rank cut is larger or smaller than that.
     margin: Option<f64>,
+    /// Whether a rank that was held rose.
+    risen: bool,
     /// Whether the carried pseudo-inverse was recomputed.
     refreshed: bool,
     /// Updates skipped or replaced.
@@ -68,6 +70,7 @@ impl Info {
             rank: info.rank,
             null_residual: info.null_residual,
             margin: info.margin,
+            risen: info.risen,
             refreshed: info.refreshed,
             fallbacks: info.fallbacks,
             folded: info.folded,

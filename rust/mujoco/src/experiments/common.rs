@@ -96,6 +96,8 @@ impl Tally {
         steps.int("solve_ns", self.solve_ns);
         steps.maybe_size("rank", known.rank);
         steps.maybe("inconsistency", known.inconsistency);
+        steps.maybe("rank_margin", known.margin.filter(|margin| margin.is_finite()));
+        steps.int("rank_rises", i64::from(known.risen));
     }
 }
 

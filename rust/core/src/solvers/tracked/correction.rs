@@ -52,7 +52,7 @@ impl Tracked {
                 self.saw_staleness(size, last);
                 self.learn_from_rounds(WORTHWHILE * last);
             }
-            if self.image_outside() > trace * (CAUTION * size + NULL_FLOOR + self.explained) {
+            if self.image_outside() > trace * (CAUTION * size + NULL_FLOOR + self.params.rank_cut) {
                 return Err(Lost);
             }
             self.null.correct(&self.correction);
