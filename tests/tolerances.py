@@ -203,3 +203,14 @@ REDUNDANT_PARTS = 1e-3
 
 SAME_SETTINGS = 1e-12
 """Relative. One formula of some products and powers, in two places."""
+
+# A run's own error.
+
+ESTIMATE_FACTOR = 10.0
+"""Between a run's own estimate and its distance from an outside truth; most agree to a hundredth (measured)."""
+
+ESTIMATE_ROUNDING = 2e-12
+"""rad or m. Rounding of thousands of steps, and of a truth that is interpolated."""
+
+ESTIMATE_SHARP = 0.25
+"""Relative. What the next order adds to Richardson's estimate at 2 ms, and what is left of the finer run's error."""

@@ -216,8 +216,12 @@ class Setup:
         form_name: str,
         solver: MultiplierSolver,
         projector: MultiplierSolver | None = None,
+        beside: MultiplierSolver | None = None,
     ) -> Run:
-        """A solver walks alone in a form; a projector may end its steps."""
+        """A solver walks alone in a form; a projector may end its steps.
+
+        A solver may walk beside it with half the timestep, which tells its error.
+        """
     def profile(self, steps: int, solver: MultiplierSolver) -> dict[str, Any]:
         """Where the time of a free run on exact constraints goes.
 

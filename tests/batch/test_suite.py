@@ -100,7 +100,7 @@ def test_what_changed_is_repeated(tiny, tmp_path, workers, monkeypatch):
     assert repeated() == UNITS
     (tiny / "case.toml").write_text(TINY.replace("0.02", "0.03").replace('"sr1"', '"sr1", "cholesky"'))
     assert repeated() == 1
-    table = out / "tiny" / "steps" / "free-hard-pinv-rk4.parquet"
+    table = out / "tiny" / "steps" / "free-hard-pinv-projection-rk4.parquet"
     table.write_bytes((out / "tiny" / "steps" / "free-mujoco-rk4.parquet").read_bytes())
     assert repeated() == 1
     (out / "tiny" / "sketch.json").unlink()

@@ -189,7 +189,7 @@ def test_the_place_of_a_report_is_looked_at_before_the_run(oarlock_here, tmp_pat
 
 def test_divergence_keeps_the_streams_clean(oarlock_command):
     finished = oarlock_command("run", "boat", "--mode", "free", "--timestep", "0.1", "--json", "-")
-    assert finished.returncode == 0
+    assert finished.returncode == 1
     rows = json.loads(finished.stdout)["runs"]
     assert {row["status"] for row in rows} == {"diverged"}
     assert all(line.startswith("oarlock: ") for line in finished.stderr.splitlines())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mechanisms import four_bar, frames_of, only, reference_script, setup_of, write_model
-from oarlock import load_case, run
+from oarlock import RunOptions, load_case, run
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.truth import load_truth
 from oarlock.experiments.laboratory import Laboratory
@@ -97,8 +97,10 @@ def test_runs_of_a_model_with_a_row_that_mujoco_drops(tmp_path):
     rest = """<worldbody><site name="p" pos="1 0 0"/><site name="q" pos="2 0 0"/></worldbody>
       <tendon><spatial name="still"><site site="p"/><site site="q"/></spatial></tendon>
       <equality><tendon name="nothing" tendon1="still"/></equality>"""
-    found = run(write_model(tmp_path / "with", four_bar(rest=rest)), mode="all", solver="pinv", duration=0.1)
-    plain = run(write_model(tmp_path / "without", four_bar()), mode="all", solver="pinv", duration=0.1)
+    # A projection stops at the rounding of the model's extent, which the sites change.
+    asked = RunOptions(mode="all", solver="pinv", duration=0.1, stabilisation="baumgarte")
+    found = run(write_model(tmp_path / "with", four_bar(rest=rest)), asked)
+    plain = run(write_model(tmp_path / "without", four_bar()), asked)
     names = ["run", "status", "drift_pos_max", "qacc_rel_diff_max", "trajectory_diff_max", "rank_max"]
     assert [[row[name] for name in names] for row in found.rows] == [
         [row[name] for name in names] for row in plain.rows

@@ -7,7 +7,9 @@ import re
 import numpy as np
 import pytest
 from mechanisms import INTEGRATORS, boat_copy, four_bar, frames_of, only, relative, write_model
-from oarlock import InputError, run
+from oarlock import InputError, RunOptions, run
+from oarlock.experiments.outcome import glance
+from oarlock.mechanics.bounds import HUGE
 from tolerances import (
     CALIBRATION,
     ENERGY_DRIFT,
@@ -196,9 +198,25 @@ def test_stiff_baumgarte_diverges(tmp_path):
     """k dt² = 100 is far beyond the stability of any explicit method."""
     toml = 'title = "stiff"\nstart.qpos.crank = 1.0\nbaumgarte = {beta = 1000.0, k = 2.5e7}\nrun.duration_s = 2.0'
     path = write_model(tmp_path, four_bar(), toml)
-    results = run(path, mode="free", solver=["pinv", "mujoco"], form="hard", integrator="euler", timestep=2e-3)
+    asked = RunOptions(mode="free", solver=["pinv", "mujoco"], form="hard", integrator="euler", timestep=2e-3)
+    results = run(path, asked, stabilisation="baumgarte")
     assert only(results.rows, mode="free", solver="mujoco")["status"] == "done"
     assert only(results.rows, mode="free", solver="pinv")["status"] == "diverged"
+
+
+@pytest.mark.parametrize("stepping", ["native", "python"])
+def test_a_state_beyond_mujocos_bound_ends_the_run_with_its_time(tmp_path, stepping):
+    """Springs that push away from their rest: the motion grows by a factor e every few steps and never overflows."""
+    toml = 'title = "away"\nstart.qpos.crank = 1.0\nrun.duration_s = 2.0'
+    path = write_model(tmp_path, four_bar(joint='stiffness="-1e5"'), toml)
+    results = run(path, mode="free", solver="pinv", form="hard", stepping=stepping)
+    row, steps = only(results.rows, mode="free"), frames_of(results)[-1]
+    assert row["status"] == "diverged"
+    assert re.fullmatch(r"step \d+, t = \S+ s: .*", row["message"])
+    assert 0 < len(steps) == row["steps_done"] < row["steps"]
+    assert np.abs(np.array(steps["qpos"].to_list())).max() < HUGE
+    assert glance(row)[:2] == [row["run"], "diverged"]
+    assert set(glance(row)[2:]) == {None}
 
 
 def test_row_that_becomes_active_ends_the_run_and_keeps_the_finished_ones(tmp_path):

@@ -26,7 +26,13 @@ def test_every_mode_of_a_case_file_is_in_the_table():
         (task("calibration"), [["calibration-mujoco-rk4"]]),
         (
             task("lockstep", walker=SolverSpec("pinv")),
-            [[f"lockstep-{form}-along-pinv-{s}-rk4" for form in ("matched", "hard") for s in ("pinv", "sr1")]],
+            [
+                [
+                    f"lockstep-{form}-along-pinv-{s}-projection-rk4"
+                    for form in ("matched", "hard")
+                    for s in ("pinv", "sr1")
+                ]
+            ],
         ),
         (
             task("one-step"),
@@ -34,7 +40,7 @@ def test_every_mode_of_a_case_file_is_in_the_table():
         ),
         (
             task("free", solvers=("mujoco", "pinv"), settings="stiff"),
-            [["free-mujoco-stiff-rk4"], ["free-matched-pinv-stiff-rk4"], ["free-hard-pinv-stiff-rk4"]],
+            [["free-mujoco-stiff-rk4"], ["free-matched-pinv-stiff-rk4"], ["free-hard-pinv-stiff-projection-rk4"]],
         ),
     ],
 )
@@ -66,3 +72,11 @@ def test_projected_is_what_is_stepped_on_exact_constraints():
         False,
         True,
     ]
+
+
+def test_solvers_that_walk_are_projected_and_answers_along_mujoco_have_baumgartes_terms():
+    held = {mode: task(mode, solvers=("pinv",)).held_by for mode in MODES}
+    assert held == {"calibration": "baumgarte", "lockstep": "baumgarte", "one-step": "baumgarte", "free": "projection"}
+    assert task("lockstep", walker=SolverSpec("pinv")).held_by == "projection"
+    assert task("free", stabilisation="baumgarte").held_by == "baumgarte"
+    assert task("lockstep", stabilisation="projection").held_by == "projection"

@@ -284,7 +284,7 @@ def test_mujoco_diverges_and_we_do_not(tmp_path):
 
 def test_we_diverge_and_mujoco_does_not(tmp_path):
     """Baumgarte's terms far beyond the stability of any explicit method: h² k = 100."""
-    terms = "baumgarte = {beta = 1000.0, k = 2.5e7}\n"
+    terms = "run.stabilisation = 'baumgarte'\nbaumgarte = {beta = 1000.0, k = 2.5e7}\n"
     mujoco, ours = walked(tmp_path, terms + "run.duration_s = 1.0\n" + FREE.format("default"))
     assert (mujoco["status"], mujoco["message"], mujoco["steps_done"]) == ("done", "", 500)
     assert ours["status"] == "diverged"
@@ -297,9 +297,13 @@ def test_we_diverge_and_mujoco_does_not(tmp_path):
 )
 def test_divergence_is_reported_and_no_mistake(oarlock_here, tmp_path, toml):
     setting = "explosive" if "explosive" in toml else "default"
-    write_model(tmp_path / "bar", GOOD, BEGIN + toml + "[run]\nduration_s = 1.0\n" + FREE.format(setting))
+    write_model(
+        tmp_path / "bar",
+        GOOD,
+        BEGIN + toml + "[run]\nstabilisation = 'baumgarte'\nduration_s = 1.0\n" + FREE.format(setting),
+    )
     finished = oarlock_here("run", "bar", "--out", "r")
-    assert finished.returncode == 0
+    assert finished.returncode == 1
     (line,) = finished.stderr.splitlines()
     assert re.match(r"oarlock: run free-\S+ diverged: " + REASON, line)
     assert oarlock_here("report", "r").returncode == 0

@@ -104,7 +104,7 @@ def test_numbers_are_those_of_the_tables(boat_run, boat_report):
     text = (boat_report / "README.md").read_text(encoding="utf-8")
     assert well_formed(text) >= 5
     of_runs = ["status", "qacc_rel_diff_max", "qfrc_constraint_rel_diff_max", "drift_pos_max", "drift_vel_max"]
-    of_runs += ["drift_acc_max", "truth_error_max", "trajectory_diff_max"]
+    of_runs += ["drift_acc_max", "energy_drift_rel", "error_estimate_max", "truth_error_max", "trajectory_diff_max"]
     for row in boat_run.rows:
         runs, *solves = cells(text, row["run"])
         assert runs[1:] == [row["status"], *(figure(row[name]) for name in of_runs[1:])]

@@ -130,6 +130,12 @@ def test_projected_runs_that_ended_early_are_not_counted():
     assert not [one for one in said(tables(lost)) if "Projection" in one]
 
 
+def test_nothing_is_said_of_runs_that_diverged():
+    lost = {"status": "diverged", "message": "step 3, t = 0.1 s: b is not finite"}
+    every = (row(mode="calibration", **lost), row(**lost), row(mode="lockstep", form="matched", **lost))
+    assert said(tables(*every)) == []
+
+
 def test_iterations_are_told_with_what_did_not_converge():
     along = row(mode="lockstep", solver="sr1")
     (one,) = said(tables(along))

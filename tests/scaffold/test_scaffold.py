@@ -207,9 +207,9 @@ def test_keyframe_named_start_is_the_start_with_its_controls(tmp_path, monkeypat
 SWINGING = '<keyframe><key name="start" qvel="{} 0 0"/></keyframe>'
 
 
-@pytest.mark.parametrize(("speed", "halvings"), [(5, 0), (30, 1)])
+@pytest.mark.parametrize(("speed", "halvings"), [(5, 0), (20, 1)])
 def test_timestep_follows_the_motion(tmp_path, monkeypatch, speed, halvings):
-    """At 30 rad/s the exact run at half the model's 2 ms goes elsewhere; at half of that it no longer does."""
+    """At 20 rad/s the exact run at half the model's 2 ms goes elsewhere; at half of that it no longer does."""
     monkeypatch.setattr(survey, "STEPS", 20)
     path = write_model(tmp_path / "m", four_bar(joint='damping="0"', rest=SWINGING.format(speed)))
     folder, found = new_model("bar", path, tmp_path)

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from mechanisms import case_of, four_bar, frames_of, only, parallelogram, setup_of, write_model
-from oarlock import InputError, load_case, run
+from oarlock import InputError, RunOptions, load_case, run
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.projection import TRACKED, Projection, Projector, gap
 from oarlock.stepping.solvers import SolverSpec
@@ -207,6 +207,19 @@ def test_no_trust_makes_a_jump():
     np.testing.assert_array_equal(state(other), given)
 
 
+def test_what_was_refused_is_tried_again_with_the_way_of_both_steps(closed):
+    model, cut, data = closed
+    other = disturbed(model, data, 5)
+    given = other.qpos.copy()
+    needed = Projector(model, cut).project(other, ANYWHERE).moved
+    projector = Projector(model, cut)
+    found = []
+    for _ in range(3):
+        other.qpos[:] = given
+        found.append(projector.project(other, 0.6 * needed).status)
+    assert found == ["too-far", "landed", "too-far"]  # once landed, the way begins anew
+
+
 def test_unknown_solver_is_refused():
     setup = setup_of(load_case("boat"))
     with pytest.raises(InputError, match="no option 'predicts'"):
@@ -295,6 +308,32 @@ stabilisation = "baumgarte"
     results = run(write_model(tmp_path, four_bar(), toml), out=tmp_path / "out")
     assert [row["run"] for row in results.rows] == ["free-hard-pinv-projection-rk4", "free-hard-pinv-rk4"]
     assert len(list((tmp_path / "out" / "steps").iterdir())) == 2
+
+
+LIFT = """<mujoco>
+  <default><geom contype="0" conaffinity="0" type="capsule" size="0.01" mass="0.2"/>
+    <joint axis="0 1 0" damping="0.02"/></default>
+  <worldbody>
+    <body name="left" pos="-0.15 0 0"><joint name="left"/><geom fromto="0 0 0 0.1 0 -0.3"/>
+      <body name="plate" pos="0.1 0 -0.3"><joint name="wrist"/>
+        <geom type="box" size="0.15 0.05 0.01" pos="0.15 0 0" mass="2"/></body></body>
+    <body name="right" pos="0.15 0 0"><joint name="right"/><geom fromto="0 0 0 0.1 0 -0.3"/></body>
+  </worldbody>
+  <equality><connect body1="right" body2="plate" anchor="0.1 0 -0.3"/></equality>
+  <actuator><position name="lift" joint="left" kp="40" kv="4"/></actuator>
+</mujoco>"""
+"""A plate on two light arms that a servo lifts."""
+
+
+@pytest.mark.parametrize("stepping", ["native", "python"])
+def test_a_turning_point_does_not_end_projection(tmp_path, stepping):
+    """The arms turn back with next to no velocity before and after a step of 10 ms, which opens the loop anyway."""
+    toml = 'title = "lift"\nrun.duration_s = 2.0\ndrive.ctrl.lift = "-1.0"'
+    path = write_model(tmp_path, LIFT, toml)
+    asked = RunOptions(mode="free", form="hard", solver="auto", integrator="implicitfast", timestep=0.01)
+    row = only(run(path, asked, stepping=stepping).rows, mode="free")
+    assert (row["status"], row["unprojected"]) == ("done", 0)
+    assert row["drift_pos_max"] <= PROJECTED
 
 
 def test_projections_that_do_not_land_are_a_status():

@@ -51,9 +51,9 @@ def test_who_is_told_of_steps(monkeypatch):
 @pytest.mark.parametrize(
     ("ending", "said"),
     [
-        (Ending(7, 0.25), "step 7, t = 0.25 s: the state is no longer finite"),
+        (Ending(7, 0.25), "step 7, t = 0.25 s: the state is no longer finite, or beyond MuJoCo's bound of 1e+10"),
         (Ending(7, 0.25, InputError("no\n answer")), "step 7, t = 0.25 s: no answer"),
-        (Ending(0, 0.0), "step 0, t = 0 s: the state is no longer finite"),
+        (Ending(0, 0.0), "step 0, t = 0 s: the state is no longer finite, or beyond MuJoCo's bound of 1e+10"),
     ],
 )
 def test_what_a_run_says_of_its_end(ending, said):

@@ -103,6 +103,7 @@ def test_what_is_shown_and_what_changes_from_run_to_run():
         "iterations_mean",
         "min_norm_error_max",
         "drift_pos_max",
+        "error_estimate_max",
         "truth_error_max",
         "trajectory_diff_max",
     ]

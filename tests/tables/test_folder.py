@@ -11,7 +11,7 @@ from mechanisms import boat_copy, four_bar, frames_of, only, write_model
 from oarlock import InputError, load_case, run
 from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.files import replacing, write_text
-from oarlock.cases.case_file import Gate
+from oarlock.cases.judging import Gate
 from oarlock.tables.aggregate import judge, summarise
 from oarlock.tables.folder import ResultFolder
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult

@@ -55,6 +55,7 @@ class Member:
         units: what there is to do, finished or not.
         ledger: what was done.
         verdicts: what the case expects and its gates, once it was judged.
+        lost: rows of the runs that ended neither ``done`` nor as the case expects, once it was judged.
         axes: what is swept; empty if it is the case's own experiments that are run.
     """
 
@@ -65,6 +66,7 @@ class Member:
     ledger: Ledger
     units: list[Unit] = field(default_factory=list)
     verdicts: list[Verdict] = field(default_factory=list)
+    lost: list[dict[str, Any]] = field(default_factory=list)
     axes: tuple[Axis, ...] = ()
 
     @property
@@ -389,7 +391,7 @@ def _judge(member: Member, case: Case, moment: dict[str, Any]) -> None:
         results.verdicts += judge(case, rows if case.listed else [], complete=complete and case.listed)
         _write_changed(ledger.folder, "summary.json", results.document())
         ledger.folder.forget_steps_but([row["run"] for row in rows])
-    member.verdicts = results.verdicts
+    member.verdicts, member.lost = results.verdicts, results.lost
 
 
 def _write_changed(folder: ResultFolder, name: str, document: dict[str, Any]) -> None:
@@ -408,9 +410,9 @@ def _timeless(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def status_of(suite: Suite) -> int:
-    """Exit status: 2 a model was refused, 1 a gate failed or a unit did, 0 neither."""
+    """Exit status: 2 a model was refused, 1 a gate failed or a unit did, or a run ended otherwise than expected."""
     if any(
         member.refused or any(why.status == "refused" for why in failed(member).values()) for member in suite.members
     ):
         return 2
-    return int(any(member.failures or failed(member) for member in suite.members))
+    return int(any(member.failures or member.lost or failed(member) for member in suite.members))

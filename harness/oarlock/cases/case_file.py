@@ -8,12 +8,14 @@ import tomllib
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from oarlock.base.core import TimeLaw
 from oarlock.base.errors import InputError, choose, one_line
 from oarlock.base.options import Number
 from oarlock.cases.integrators import IntegratorName
+from oarlock.cases.judging import DEFAULT_ENDINGS, Ending, Gate
+from oarlock.cases.table import STRICT, Finite
 
 Form = Literal["matched", "hard"]
 ModeName = Literal["calibration", "lockstep", "one-step", "free"]
@@ -22,13 +24,12 @@ Stabilisation = Literal["baumgarte", "projection", "both"]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Count = Annotated[int, Field(ge=0, strict=True)]
-Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Parameters = dict[str, Finite | Annotated[int, Field(strict=True)]]
 Reactions = Literal["unique", "partly unique", "not unique"]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
+    model_config = STRICT
 
 
 class RunDefaults(_Table):
@@ -36,7 +37,8 @@ class RunDefaults(_Table):
 
     Attributes:
         stabilisation: how exact constraints are kept from drifting: ``baumgarte`` (terms in the accelerations),
-            ``projection`` (no such terms; positions and velocities are projected after every step) or ``both``.
+            ``projection`` (no such terms; positions and velocities are projected after every step) or ``both``. None:
+            projection where a solver walks; along other walks, where nothing can be projected, Baumgarte's terms.
         ignore_inequalities: whether to switch off the model's contacts, limits and friction, for MuJoCo as well.
             Otherwise a run in which one becomes active is refused.
     """
@@ -44,7 +46,7 @@ class RunDefaults(_Table):
     duration_s: Positive = 10.0
     timestep_s: Positive | None = None  # None: the model's own
     integrator: IntegratorName = "rk4"
-    stabilisation: Stabilisation = "baumgarte"
+    stabilisation: Stabilisation | None = None
     ignore_inequalities: Annotated[bool, Field(strict=True)] = False
 
 
@@ -274,53 +276,6 @@ class Experiment(_Table):
     settings: list[str] = ["default"]
 
 
-class Gate(_Table):
-    """A bound on a figure of the summary, for every run that ``where`` selects.
-
-    Attributes:
-        figure: column of the summary.
-        where: column → value that a run must have to be selected.
-        equal: the value of a figure that is a word; other figures have ``min``, ``max`` or both.
-        cause: why this is the bound.
-    """
-
-    figure: str
-    where: dict[str, str] = {}
-    min: Finite | None = None
-    max: Finite | None = None
-    equal: str | None = None
-    cause: str
-
-    @model_validator(mode="after")
-    def _bounded(self) -> "Gate":
-        numeric = self.min is not None or self.max is not None
-        if not numeric and self.equal is None:
-            raise ValueError("expected min or max, or equal: a gate without a bound cannot fail")
-        if numeric and self.equal is not None:
-            raise ValueError("expected min or max, or equal, not both")
-        if self.min is not None and self.max is not None and self.min > self.max:
-            raise ValueError(f"min = {self.min:g} above max = {self.max:g}: a gate that cannot hold")
-        return self
-
-    def holds(self, value: float | str | None) -> bool:
-        """Tells whether a figure is within the bounds; one that was not measured (None) is not."""
-        if value is None or isinstance(value, str):
-            return value is not None and value == self.equal
-        return (
-            self.equal is None and (self.min is None or value >= self.min) and (self.max is None or value <= self.max)
-        )
-
-    @property
-    def limit(self) -> str:
-        """The bounds for a table, such as ``≥ 1 and ≤ 2``."""
-        bounds = [
-            f"≥ {self.min:g}" if self.min is not None else "",
-            f"≤ {self.max:g}" if self.max is not None else "",
-            self.equal or "",
-        ]
-        return " and ".join(bound for bound in bounds if bound)
-
-
 DEFAULT_EXPERIMENTS = [
     Experiment(mode="calibration"),
     Experiment(mode="lockstep", forms=["matched", "hard"], solvers=["pinv", "auto", "sr1"]),
@@ -366,6 +321,7 @@ class CaseFile(_Table):
         parameters: name → default, of a parametrised model.
         settings: name → way of running MuJoCo.
         published: values that others published, for the default parameters.
+        endings: how runs may end other than ``done``.
         sweep: timesteps for work against precision, with the default parameters.
         variants: further sets of parameters.
     """
@@ -387,6 +343,7 @@ class CaseFile(_Table):
     paper: Paper | None = None
     experiments: list[Experiment] = Field(default=DEFAULT_EXPERIMENTS, min_length=1)
     gates: list[Gate] = []
+    endings: list[Ending] = DEFAULT_ENDINGS
     sweep: Sweep | None = None  # of the default parameters
     variants: list[Variant] = []
 

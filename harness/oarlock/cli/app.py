@@ -1,6 +1,7 @@
 """The command ``oarlock``.
 
-Exit status: 0 all gates held, 1 a gate failed or a comparison got worse, 2 bad input, 130 interrupted, 141 reader gone.
+Exit status: 0 all gates held, 1 a gate failed, a run ended otherwise than expected or a comparison got worse, 2 bad
+input, 130 interrupted, 141 reader gone.
 """
 
 import gc

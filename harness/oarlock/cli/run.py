@@ -16,7 +16,7 @@ from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, end
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
-from oarlock.experiments.outcome import COLUMNS, Results, ending
+from oarlock.experiments.outcome import COLUMNS, Results, glance
 from oarlock.render.folder import CONTENTS, require_report
 
 
@@ -25,7 +25,7 @@ def _print_summary(results: Results) -> None:
     for title in COLUMNS.values():
         table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
     for row in results.rows:
-        table.add_row(*(short(row[name]) for name in COLUMNS))
+        table.add_row(*map(short, glance(row)))
     console().print(table)
 
 
@@ -84,9 +84,11 @@ def run(
         _print_summary(results)
     if "inequalities_ignored" in results.provenance:
         say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
+    lost = results.lost
     for row in results.rows:
         if row["status"] != "done":
-            say(f"oarlock: run {row['run']} {row['status']}: {ending(row)}")
+            expected = "" if row in lost else "; the case expects that"
+            say(f"oarlock: run {row['run']} {row['status']}: {row['message']}{expected}")
     for verdict in results.failures:
         say(f"oarlock: gate failed: {verdict.line()}")
     unchecked = sum(verdict.held is None for verdict in results.verdicts)
@@ -97,7 +99,7 @@ def run(
         )
     if to:
         say(f"oarlock: written: {results.report(to) / 'README.md'}")
-    if results.failures:
+    if results.failures or lost:
         raise typer.Exit(GATE_FAILED)
 
 

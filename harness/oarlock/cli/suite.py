@@ -74,6 +74,8 @@ def _say_what_failed(suite: "Suite") -> None:
             say(f"oarlock: model refused: {member.name}: {member.refused}")
         for unit, why in failed(member).items():
             say(f"oarlock: run {why.status}: {member.name} {unit}: {why.message}")
+        for row in member.lost:
+            say(f"oarlock: run {row['status']}: {member.name} {row['run']}: {row['message']}")
         for verdict in member.failures:
             say(f"oarlock: gate failed: {member.name}: {verdict.line()}")
     for table in suite.tables if isinstance(suite, Sweep) else ():

@@ -18,7 +18,16 @@ from oarlock.compare.tolerances import APART, tolerance_of
 VERDICTS = ("worse", "disappeared", "changed", "better", "appeared", "same", "not judged")
 """Verdicts of a comparison, in the order in which they are shown."""
 
-ENDINGS = {"done": 0, "unconverged": 1, "unprojected": 1, "diverged": 2, "failed": 3, "refused": 3}
+ENDINGS = {
+    "done": 0,
+    "unconverged": 1,
+    "unprojected": 1,
+    "drifted": 1,
+    "inaccurate": 1,
+    "diverged": 2,
+    "failed": 3,
+    "refused": 3,
+}
 """Status of a run → how bad it is."""
 
 _RUN = ("run", "status", "message", "point", "solves")

@@ -242,6 +242,10 @@ def _run(found: Examination) -> None:
     if found.closed:
         with _Reason(found, "exact"):
             found.exact = record_exact(found.model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
+            end = found.exact.end
+            if end.how == "diverged":  # what it showed before proves nothing
+                found.exact = None
+                found.missing["exact"] = f"it diverged at t = {end.time_s:.6g} s: {end.message}"
     else:
         found.missing["exact"] = "there is no closed start to run it from"
     if found.recording is not None:

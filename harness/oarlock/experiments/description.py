@@ -3,8 +3,8 @@
 from typing import Any
 
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Gate
 from oarlock.cases.claims import load_claims
+from oarlock.cases.judging import Gate
 from oarlock.mechanics.names import coordinates, equalities
 from oarlock.mechanics.reactions import verdict
 from oarlock.stepping.prepared import PreparedCase

@@ -7,8 +7,6 @@ from functools import partial
 from pathlib import Path
 from threading import Event
 
-import polars as pl
-
 from oarlock.base.core import MultiplierSolver
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
@@ -26,6 +24,7 @@ from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.python_path import PythonPath
 from oarlock.stepping.solvers import SolverSpec
+from oarlock.tables.promise import ended
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
 
@@ -134,7 +133,7 @@ class Laboratory:
         return bool(refusal)
 
     def _path(self, task: Task, setup: PreparedCase) -> SteppingPath:
-        terms = Baumgarte() if task.stabilisation == "projection" else self.case.file.baumgarte
+        terms = Baumgarte() if task.held_by == "projection" else self.case.file.baumgarte
         kind = PythonPath if self._on_python() else NativePath
         return kind(setup, terms, self._make, self._tick, self._spools)
 
@@ -143,7 +142,4 @@ class Laboratory:
 
 
 def _result(key: RunKey, steps: Spool, message: str) -> RunResult:
-    ends = steps.collect(pl.col("unconverged").sum(), (pl.col("projection") != "landed").sum())
-    unconverged, unprojected = ends.row(0)
-    status = "diverged" if message else "unconverged" if unconverged else "unprojected" if unprojected else "done"
-    return RunResult(key, status, message, steps)
+    return RunResult(key, *ended(key, steps, message), steps)

@@ -29,7 +29,8 @@ class RunOptions:
         mode: ``lockstep``, ``one-step``, ``free`` or ``all``.
         walker: who walks in lockstep: ``mujoco`` or a solver, which then walks in the hard form.
         integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``.
-        stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``.
+        stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``. Left out,
+            and where the case says nothing: projection, wherever a solver walks.
         timestep: timestep, s.
         duration: duration, s.
         rtol: relative tolerance of the solvers that have one.

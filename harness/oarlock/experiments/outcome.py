@@ -12,6 +12,7 @@ from oarlock.cases.case import Case
 from oarlock.experiments.description import case_document
 from oarlock.tables.aggregate import Verdict
 from oarlock.tables.folder import ResultFolder
+from oarlock.tables.promise import unexpected
 
 COLUMNS = {
     "run": "run",
@@ -20,9 +21,17 @@ COLUMNS = {
     "min_norm_error_max": "min-norm error",
     "qacc_rel_diff_max": "qacc diff",
     "drift_pos_max": "drift",
+    "energy_drift_rel": "energy drift",
+    "error_estimate_max": "own error",
     "truth_error_max": "truth error",
 }
 """Figure of the summary → title, of what is shown of a run at a glance."""
+
+
+def glance(row: dict[str, Any]) -> list[Any]:
+    """What ``COLUMNS`` show of a row of the summary: of a run that diverged no figures, for they prove nothing."""
+    lost = row["status"] == "diverged"
+    return [None if lost and name not in ("run", "status") else row[name] for name in COLUMNS]
 
 
 @dataclass
@@ -68,6 +77,11 @@ class Results(Answer):
     def failures(self) -> list[Verdict]:
         """Gates that did not hold."""
         return [verdict for verdict in self.verdicts if verdict.held is False]
+
+    @property
+    def lost(self) -> list[dict[str, Any]]:
+        """Rows of the runs that ended neither ``done`` nor as their case expects."""
+        return [row for row in self.rows if unexpected(self.case, row)]
 
     def document(self) -> dict[str, Any]:
         """The summary JSON: provenance, a dictionary a run, and the gates."""
@@ -116,11 +130,4 @@ class Results(Answer):
         held = sum(verdict.held is True for verdict in self.verdicts)
         failed = [f"gate failed: {verdict.line()}" for verdict in self.failures]
         head = f"{self.case.name}: {len(self.rows)} runs; {held} gates hold, {len(failed)} do not"
-        return html_table(head, list(COLUMNS.values()), [[row[name] for name in COLUMNS] for row in self.rows], failed)
-
-
-def ending(row: dict[str, Any]) -> str:
-    """Why the run of a row of the summary is not ``done``, in words."""
-    if row["status"] == "unprojected":
-        return f"{row['unprojected']} of {row['steps_done']} projections did not reach the constraints"
-    return row["message"] or f"{row['unconverged']} of {row['solves']} solves did not converge"
+        return html_table(head, list(COLUMNS.values()), [glance(row) for row in self.rows], failed)

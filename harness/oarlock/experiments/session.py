@@ -13,7 +13,7 @@ from oarlock.cases.case import load_case
 from oarlock.experiments.description import case_document, describe, expectations
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.options import RunOptions
-from oarlock.experiments.outcome import Results, ending
+from oarlock.experiments.outcome import Results
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.stepping.prepared import PreparedCase
@@ -61,7 +61,7 @@ def run(
     for result in laboratory.run_all(tasks, options.threads or cores()):
         keeper.keep(result)
         row = results.rows[-1]
-        progress.finished(row["run"], message="" if row["status"] == "done" else f"{row['status']}: {ending(row)}")
+        progress.finished(row["run"], message="" if row["status"] == "done" else f"{row['status']}: {row['message']}")
     # Bounds hold for the discretisation and the parameters that they were set for.
     own = options.conditions.own(case) and case.listed
     results.verdicts += judge(case, results.rows if own else [], complete=own and options.whole_case)

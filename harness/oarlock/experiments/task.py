@@ -19,7 +19,8 @@ class Task:
     solvers: tuple[SolverSpec, ...]
     integrator: IntegratorName
     settings: str
-    stabilisation: Stabilisation = "baumgarte"
+    stabilisation: Stabilisation | None = None
+    """None: as ``held_by`` says."""
 
     def walks(self) -> "tuple[Walk, ...]":
         """Its walks, in the order in which they are taken."""
@@ -32,9 +33,20 @@ class Task:
         return replace(self, solvers=solvers, forms=forms or self.forms[:1])
 
     @property
+    def held_by(self) -> Stabilisation:
+        """What keeps exact constraints from drifting.
+
+        If it is not said, projection where solvers walk: Baumgarte's terms fail at change points, where the rows lose
+        rank. Along MuJoCo's walk nothing can be projected, and they are what an exact answer to its open rows is.
+        """
+        mode = MODES[self.mode]
+        ours = mode.alone or mode.walked_in(self) == "hard"
+        return self.stabilisation or ("projection" if ours else "baumgarte")
+
+    @property
     def projected(self) -> bool:
         """Whether every step of a walk of this task ends in a projection to the constraints."""
-        return self.stabilisation != "baumgarte" and MODES[self.mode].walked_in(self) == "hard"
+        return self.held_by != "baumgarte" and MODES[self.mode].walked_in(self) == "hard"
 
 
 @dataclass(frozen=True)
@@ -77,7 +89,7 @@ class Walk:
                 stepping=MUJOCO if mode.alone and solver.name == MUJOCO else stepping,
                 timestep_s=timestep_s,
                 steps=steps,
-                stabilisation=task.stabilisation if exact or form == "hard" else None,
+                stabilisation=task.held_by if exact or form == "hard" else None,
             )
             for solver, form in self.answers
         )

@@ -7,7 +7,9 @@ class Energy:
     """Computes the mechanical energy of a model that nothing drives or damps.
 
     Attributes:
-        conserved: whether nothing drives or damps the model.
+        conserved: whether nothing drives or damps the model, and MuJoCo counts all of its potential energy. That of
+            springs it counts, of linear and other ones; that of gravity compensation, of springs that yield and of
+            plugins it does not.
     """
 
     def __init__(self, model: mujoco.MjModel):
@@ -16,7 +18,10 @@ class Energy:
         friction = (model.dof_frictionloss, model.tendon_frictionloss) if rubs else ()
         damping = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
         damped = any(loss.any() for loss in (*damping, *friction))
-        self.conserved = model.nu == 0 and not damped and model.opt.density == 0 and model.opt.viscosity == 0
+        yields = model.jnt_springyield.any() or model.tendon_springyield.any()
+        uncounted = model.ngravcomp > 0 or model.nplugin > 0 or yields
+        driven = model.nu > 0 or model.opt.density != 0 or model.opt.viscosity != 0
+        self.conserved = not (driven or damped or uncounted)
 
     def of(self, data: mujoco.MjData) -> dict[str, float]:
         """Computes the total and the kinetic energy, J, of a state whose position and velocity stages are done.

@@ -64,12 +64,13 @@ def prepare(
     return model
 
 
-def unsolved(model: mujoco.MjModel) -> mujoco.MjModel:
-    """A copy of a prepared model for walks on which MuJoCo's constraint solver is not asked.
+def unsolved(model: mujoco.MjModel, timestep_s: float) -> mujoco.MjModel:
+    """A copy of a prepared model for walks on which MuJoCo's constraint solver is not asked, with its own timestep.
 
     Without what only that solver needs: islands, and a Jacobian that is dense whatever its size.
     """
     model = copy.copy(model)
+    model.opt.timestep = timestep_s
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_AUTO
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     return model

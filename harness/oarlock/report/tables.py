@@ -35,12 +35,12 @@ class Tables:
     def pick(self, **where: str) -> dict[str, Any] | None:
         """Returns the first run with these values, or None. Of several integrators the case's own comes first."""
         own = self.case["run"]["integrator"]
-        found = [row for row in self.rows if all(row[key] == value for key, value in where.items())]
-        return min(found, key=lambda row: row["integrator"] != own, default=None)
+        return min(self.all(**where), key=lambda row: row["integrator"] != own, default=None)
 
     def all(self, **where: str) -> list[dict[str, Any]]:
-        """Returns all runs with these values."""
-        return [row for row in self.rows if all(row[key] == value for key, value in where.items())]
+        """Returns all runs with these values but those that diverged: what they showed before proves nothing."""
+        kept = [row for row in self.rows if row["status"] != "diverged"]
+        return [row for row in kept if all(row[key] == value for key, value in where.items())]
 
     @property
     def unit(self) -> str:

@@ -271,7 +271,7 @@ def _bounds(results: Results) -> list[Bound]:
         ("trajectory_diff_max", {"mode": "calibration"}, 1e-11, "MuJoCo's own force through our stepping is MuJoCo"),
         ("qacc_rel_diff_max", lockstep, 1e-9, "the same linear system, solved elsewhere"),
         ("qfrc_constraint_rel_diff_max", lockstep, 1e-9, "as for the accelerations"),
-        ("drift_pos_max", free, 1e-11, "the integrator's own error, held by Baumgarte's terms"),
+        ("drift_pos_max", free, 1e-11, "rounding: every step ends in a projection"),
         ("energy_drift_rel", free, 1e-11, "the integrator's own error, for nothing drives or damps it"),
     ]
     bounds = []

@@ -22,6 +22,7 @@ from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of, prepare
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import PreparedCase
+from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 from oarlock.stepping.start import KEYFRAME, ConsistentStart, consistent_start
 
@@ -252,7 +253,7 @@ def _exact_run(case: Case, steps: int) -> np.ndarray:
     run = case.file.run
     conditions = Conditions(duration_s=(steps + 1) * (run.timestep_s or 0.0))  # a row is of the start of a step
     prepared = PreparedCase(case, None, run.integrator, "default", conditions)
-    (table,), ending = fitting_path(prepared, case.file.baumgarte).free(SolverSpec(REFERENCE), "hard", None)
+    (table,), ending = fitting_path(prepared, Baumgarte()).free(SolverSpec(REFERENCE), "hard", TRACKED)
     if ending is not None and isinstance(ending.error, RefusedError):
         raise ending.error
     path = np.full((steps + 1, prepared.model.nq), np.nan)

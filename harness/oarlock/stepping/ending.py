@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 from oarlock.base.errors import InputError, RefusedError, one_line
+from oarlock.mechanics.bounds import HUGE
 
-NOT_FINITE = "the state is no longer finite"
+NOT_FINITE = f"the state is no longer finite, or beyond MuJoCo's bound of {HUGE:g}"
 
 
 @dataclass(frozen=True)
@@ -15,7 +16,7 @@ class Ending:
         step: number of the step that it ended in; the table has the rows before it, and its own if it was taken.
         time_s: time of the state it was left at.
         error: why: a ``RefusedError`` if the model must not be run like this, another ``InputError`` if a question had
-            no answer; None if the state is no longer finite.
+            no answer; None if the state is beyond the bound, or not finite.
     """
 
     step: int

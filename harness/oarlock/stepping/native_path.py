@@ -15,7 +15,7 @@ from oarlock.base.errors import InputError, RefusedError, one_line
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.mechanics.inequalities import refuse_inequalities
 from oarlock.stepping.ending import Ending
-from oarlock.stepping.path import SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
+from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.columns import table_of_columns
@@ -104,7 +104,8 @@ class NativePath:
         if form is None:
             return self._walk("mujoco", self.core.free_mujoco(steps))
         last = make(projector) if projector else None
-        return self._walk("free", self.core.free_solved(steps, form, make(solver), last))
+        beside = make(SOLVER_BESIDE) if form == "hard" else None
+        return self._walk("free", self.core.free_solved(steps, form, make(solver), last, beside))
 
     def _walk(self, walk: Walk, run: core.Run, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""

@@ -7,7 +7,7 @@ from typing import Protocol
 from oarlock.base.core import MultiplierSolver
 from oarlock.cases.case_file import Form
 from oarlock.stepping.ending import Ending
-from oarlock.stepping.solvers import SolverSpec
+from oarlock.stepping.solvers import BESIDE, SolverSpec
 from oarlock.tables import spool
 from oarlock.tables.schema import SCHEMA
 from oarlock.tables.spool import Spool
@@ -30,6 +30,9 @@ Tables = tuple[list[Spool], Ending | None]
 
 TICK_STEPS = 200
 """Steps between two reports of progress, and between two looks at interruptions."""
+
+SOLVER_BESIDE = SolverSpec(BESIDE)
+"""Who walks beside an exact run with half the timestep."""
 
 SPOOLS: Spools = partial(spool.spools, schema=SCHEMA)
 """Tables in memory; what is too long for it goes where the system keeps temporary files."""
@@ -81,5 +84,9 @@ class Path(Protocol):
         form: Form | None,
         projector: SolverSpec | None,
     ) -> Tables:
-        """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form."""
+        """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form.
+
+        In the hard form another walk is taken beside it, with half the timestep, which tells its error. Not in the
+        matched one: MuJoCo's softness hangs on the timestep, so that at half of it the question is another.
+        """
         ...

@@ -30,8 +30,9 @@ LANDED = 1000.0
 does not stop there, but where rows no longer fall."""
 
 TRUST_MIN, TRUST_MAX = 1e-6, 0.1
-"""Bounds of the trust length, rad or m. The lower one lets a mechanism at rest be moved by more than rounding makes of
-a nearly singular pose, and less than one sees; the upper one keeps a fast one near its pose."""
+"""Bounds of the trust length, rad or m, however far a state has gone. The lower one lets a mechanism at rest be moved
+by more than rounding makes of a nearly singular pose, and less than one sees; the upper one keeps a fast one near its
+pose."""
 
 _EPSILON = float(np.finfo(float).eps)
 
@@ -90,6 +91,7 @@ class Projector:
         # A row is the difference of two positions, and each is rounded.
         self._rounding = 2.0 * _EPSILON * float(model.stat.extent + np.abs(model.stat.center).max())
         self._solves = self._iterations = 0
+        self._gone = 0.0
 
     def correction(
         self, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0, *, hold: bool = False
@@ -113,20 +115,24 @@ class Projector:
         self._iterations += info.iterations
         return self._inertia.acceleration(data, multipliers)[0]
 
-    def project(self, data: mujoco.MjData, trust: float) -> Projection:
+    def project(self, data: mujoco.MjData, gone: float) -> Projection:
         """Projects ``qpos``, then ``qvel``. Rows that are closed to rounding are left alone.
 
-        The position stage is valid afterwards.
+        A correction may be as long as the way that was gone since rows were last closed; a longer one would lead to
+        another pose. Where it is refused the gap goes on growing, and what is trusted grows with it: the next step
+        tries again. The position stage is valid afterwards.
 
         Args:
             data: a state with finite positions and velocities.
-            trust: largest change of a coordinate, rad or m, that is still a correction and not another pose; clipped
-                to ``TRUST_MIN`` and ``TRUST_MAX``.
+            gone: how far a coordinate may have gone in this step, rad or m; what is trusted is clipped to
+                ``TRUST_MIN`` and ``TRUST_MAX``.
         """
         self._solves = self._iterations = 0
-        status, rounds, moved = self._positions(data, min(max(trust, TRUST_MIN), TRUST_MAX))
+        self._gone += gone
+        status, rounds, moved = self._positions(data, min(max(self._gone, TRUST_MIN), TRUST_MAX))
         if status != "too-far":
             self._velocities(data)
+            self._gone = 0.0
         self.last = Projection(status, rounds, self._solves, self._iterations, moved)
         return self.last
 

@@ -4,26 +4,30 @@ A row is written when it is seen: begun at the start of a step, where state, que
 completed once the step is taken.
 """
 
+import math
 import time
+from collections.abc import Callable
 from typing import Protocol
 
+import mujoco
 import numpy as np
 
-from oarlock.base.arrays import relative_difference
+from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.core import MultiplierSolver
 from oarlock.base.errors import DiskError, InputError
 from oarlock.cases.case_file import Baumgarte, Form
+from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.energy import Energy
-from oarlock.mechanics.prepare import unsolved
+from oarlock.mechanics.prepare import integrator_of, unsolved
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.figures import Row, answered, parity, place, projecting, solving
-from oarlock.stepping.path import SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
+from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Question, SolvedForce
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.stepping.state import State
-from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_finite, walk
+from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_sane, walk
 from oarlock.tables.columns import table_of_rows
 from oarlock.tables.figures import Walk
 from oarlock.tables.spool import Spool
@@ -103,7 +107,9 @@ class PythonPath:
         """As ``Path``."""
         if form is None:
             return self._walk(FreeMujoco(self._prepared, self._terms))
-        return self._walk(FreeSolved(self._prepared, self._terms, form, self._make(solver), projector))
+        beside = self._make(SOLVER_BESIDE) if form == "hard" else None
+        halved = Halved(self._prepared, self._terms, beside, projector) if beside else None
+        return self._walk(FreeSolved(self._prepared, self._terms, form, self._make(solver), projector, halved))
 
     def _walk(self, experiment: Experiment, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""
@@ -123,8 +129,10 @@ class PythonPath:
             raise
         except InputError as error:
             return Ending(recorder.taken, recorder.data.time, error)
-        if not is_finite(recorder.data):
+        if not is_sane(recorder.data):
             return Ending(recorder.taken - 1, recorder.data.time)
+        if recorder.taken < steps:
+            return Ending(recorder.taken, recorder.data.time)
         self._tick((steps - 1) % TICK_STEPS + 1)
         return None
 
@@ -143,7 +151,7 @@ class _Recorder:
         began = time.perf_counter()
         self._walker.look()
         self._look_s = time.perf_counter() - began
-        self._rows = self._experiment.begin(self.taken)
+        self._rows = self._experiment.begin(self.taken) if bounded(self.data.qacc) else []
 
     def step(self) -> None:
         """As ``Walker``; completes the rows."""
@@ -189,12 +197,61 @@ class Companion:
     def compare(self, qpos: np.ndarray) -> float | None:
         """How far positions are from it (rad or m), None where it did not get to; then takes its next step."""
         data = self._walker.data
-        if not is_finite(data):
+        if not is_sane(data):
             return None
         apart = self._prepared.apart(data.qpos, qpos)
         self._walker.look()
         self._walker.step()
         return apart
+
+
+class Halved:
+    """A walk in the hard form with half the timestep and its own solver, beside the one that it tells the error of.
+
+    The error of the other's steps and that of its solver, which this one does not share.
+    """
+
+    def __init__(self, prepared: Prepared, terms: Baumgarte, solver: MultiplierSolver, projector: SolverSpec | None):
+        self._prepared = prepared
+        model = unsolved(prepared.model, 0.5 * prepared.timestep_s)
+        data = prepared.data(model)
+        force = SolvedForce(State(model, data, terms), "hard", solver)
+        last = Projector(model, solver=projector) if projector else None
+        self._walker = ForcedWalker(model, data, prepared.drive, force, last)
+        # The whole error over the part of it that halving takes away (Richardson).
+        finer = 2.0 ** integrator_of(model).order
+        self._scale = finer / (finer - 1.0)
+        self._alive = True
+
+    def compare(self, ours: mujoco.MjData) -> Row:
+        """How far a state of the other walk is off (rad or m), infinite where this one was lost; takes two steps."""
+        self._go_on(self._look)
+        prepared, theirs = self._prepared, self._walker.data
+        whole = prepared.apart(theirs.qpos, ours.qpos) if self._alive else None
+        row: Row = {"error_estimate": math.inf if whole is None else self._scale * whole}
+        if prepared.observed is not None:
+            place = prepared.observed.position
+            seen = float(largest(place(ours) - place(theirs))) if self._alive else math.inf
+            row["truth_error_estimate"] = self._scale * seen
+        for call in (self._step, self._look, self._step):
+            self._go_on(call)
+        return row
+
+    def _look(self) -> bool:
+        self._walker.look()
+        return bounded(self._walker.data.qacc)
+
+    def _step(self) -> bool:
+        self._walker.step()
+        return is_sane(self._walker.data)
+
+    def _go_on(self, call: Callable[[], bool]) -> None:
+        """What ends it does not end the walk that it is beside."""
+        if self._alive:
+            try:
+                self._alive = call()
+            except InputError:
+                self._alive = False
 
 
 class Calibration:
@@ -345,15 +402,16 @@ class FreeSolved:
         form: Form,
         solver: MultiplierSolver,
         projector: SolverSpec | None,
+        halved: Halved | None,
     ):
         self._prepared = prepared
-        model = unsolved(prepared.model)
+        model = unsolved(prepared.model, prepared.timestep_s)
         data = prepared.data(model)
         self._state = State(model, data, terms)
         self._force = SolvedForce(self._state, form, solver)
         self._projector = Projector(model, solver=projector) if projector else None
         self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
-        self._theirs = Companion(prepared)
+        self._theirs, self._halved = Companion(prepared), halved
         self._energy = Energy(prepared.model)
 
     def begin(self, step: int) -> list[Row]:
@@ -365,6 +423,7 @@ class FreeSolved:
                 **answered(prepared, step, self._state, data.qacc, data.efc_force),
                 "min_norm_error": float(relative_difference(data.efc_force, minimum)),
                 "trajectory_diff": self._theirs.compare(data.qpos),
+                **(self._halved.compare(data) if self._halved else {}),
                 **self._energy.of(data),
                 **prepared.published.errors(step, data),
             }

@@ -14,6 +14,10 @@ REFERENCE = "pinv"
 """Solver whose multipliers count as the minimum-norm ones of a single state."""
 
 
+BESIDE = "auto"
+"""Solver of the walk at half the timestep that tells the error of a run, its solver's included."""
+
+
 def solver_names() -> list[str]:
     """Returns the names of the solvers in the registry of the compiled core."""
     return list(core.solvers())

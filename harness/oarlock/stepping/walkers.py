@@ -14,6 +14,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.base.vectors import Vector, cross, dot, plus, scaled
+from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.stepping.projection import Projector
@@ -22,9 +23,9 @@ _SMALL_ANGLE = 1e-4
 """rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding."""
 
 
-def is_finite(data: mujoco.MjData) -> bool:
-    """Whether positions and velocities are finite."""
-    return bool(np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all())
+def is_sane(data: mujoco.MjData) -> bool:
+    """Whether positions and velocities are finite and below MuJoCo's bound."""
+    return bounded(data.qpos, data.qvel)
 
 
 def smooth_stages(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive) -> None:
@@ -62,13 +63,16 @@ class Walker(Protocol):
 def walk(walker: Walker, steps: int) -> Iterator[int]:
     """Takes steps; at every number that it gives, the state at the start of that step is looked at.
 
-    It ends early, after the step that leaves positions or velocities that are not finite.
+    It ends early, after the step that leaves positions or velocities beyond MuJoCo's bound or not finite, and before
+    one that begins with such accelerations.
     """
     for step in range(steps):
         walker.look()
+        if not bounded(walker.data.qacc):
+            return
         yield step
         walker.step()
-        if not is_finite(walker.data):
+        if not is_sane(walker.data):
             return
 
 
@@ -140,17 +144,20 @@ class ForcedWalker:
     def step(self) -> None:
         """MuJoCo's Euler or implicit step, or the Runge–Kutta step of order four; then the projection.
 
-        A projection may move the state about as far as the step itself did; more is refused, and noted in its status.
+        A projection may move the state about as far as the steps did since rows were last closed; more is refused, and
+        noted in its status. How far is h max|v| + h² max|a|: at a turning point the velocities say nothing, and what a
+        step leaves open there is of the order of h² a.
         """
         integrate = self._runge_kutta if self._staged else partial(self._function, self.model, self.data)
         if self._projector is None:
             integrate()
             return
-        fastest = np.abs(self.data.qvel).max()
+        step = self.model.opt.timestep
+        fastest, hardest = np.abs(self.data.qvel).max(), np.abs(self.data.qacc).max()
         integrate()
-        if is_finite(self.data):
+        if is_sane(self.data):
             fastest = max(fastest, np.abs(self.data.qvel).max())
-            self._projector.project(self.data, trust=self.model.opt.timestep * float(fastest))
+            self._projector.project(self.data, gone=step * float(fastest) + step * step * float(hardest))
 
     def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
         """What MuJoCo's solver says here; our own force is put back afterwards."""

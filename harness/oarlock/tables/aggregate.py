@@ -6,7 +6,7 @@ from typing import Any
 
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Gate
+from oarlock.cases.judging import Gate
 from oarlock.tables.figures import FIGURES
 from oarlock.tables.reductions import Reduction
 from oarlock.tables.schema import RunResult

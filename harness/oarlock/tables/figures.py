@@ -96,6 +96,8 @@ COLUMNS = (
     Column("energy", "float", "potential and kinetic energy, J", _FREE, optional=True),
     Column("kinetic_energy", "float", "kinetic energy, J", _FREE, optional=True),
     Column("trajectory_diff", "float", "distance from MuJoCo's own run, rad or m", ("calibration", "one-step", "free")),
+    Column("error_estimate", "float", "how far it is off by itself, rad or m", ("free",), optional=True),
+    Column("truth_error_estimate", "float", "the same of what the outside truth speaks of", ("free",), optional=True),
     Column("truth_error", "float", "distance from the outside truth, rad or m", optional=True),
     Column("published_position_error", "float", "distance from a printed position, rad or m", _FREE, optional=True),
     Column("published_velocity_error_rel", "float", "the same of a velocity, relative", _FREE, optional=True),
@@ -163,7 +165,9 @@ FIGURES = (
     Figure("projection_rounds_max", largest("projection_rounds"), tolerance.MOST),
     Figure("projection_iterations_mean", ratio("projection_iterations", "projection_solves"), tolerance.MEAN),
     Figure("projection_moved_max", largest("projection_moved"), tolerance.DRIFT),
-    Figure("energy_drift_rel", change("energy", "kinetic_energy"), tolerance.ENERGY),
+    Figure("energy_drift_rel", change("energy", "kinetic_energy"), tolerance.ENERGY, report="energy drift"),
+    Figure("error_estimate_max", largest("error_estimate"), tolerance.ESTIMATE, report="own error", sweep="own error"),
+    Figure("truth_error_estimate_max", largest("truth_error_estimate"), tolerance.ESTIMATE),
     Figure(
         "truth_error_max", largest("truth_error"), tolerance.TRUTH, report="distance from truth", sweep="from truth"
     ),

@@ -51,8 +51,7 @@ class RunKey:
 class RunResult:
     """A finished run: its key, how it ended, and its steps.
 
-    It ended ``done``, ``diverged``, or complete but with solves that did not converge (``unconverged``) or projections
-    that did not reach the constraints (``unprojected``).
+    How it ended ``promise.ended`` says; the message says why, unless it is ``done``.
     """
 
     key: RunKey

@@ -53,6 +53,7 @@ DRIFT_VEL = replace(DRIFT, floor=1e-11, cause=f"{_LAST_BITS}; 1e-11: rounding at
 DRIFT_ACC = replace(DRIFT, floor=1e-8, cause=f"{_LAST_BITS}; 1e-8: rounding at 1e4 per s², times the condition of A")
 ENERGY = Tolerance("energy", "smaller", 0.01, 1e-10, f"{_LAST_BITS}; 1e-10: rounding added up over a run")
 TRUTH = Tolerance("truth", "smaller", 0.01, 1e-10, f"{_LAST_BITS}; 1e-10: to which outside truths are known")
+ESTIMATE = Tolerance("error", "smaller", 0.1, 1e-10, "rounding of two walks that dead points magnify a thousandfold")
 PARITY = Tolerance(
     "parity", "smaller", 0.1, 1e-7, "MuJoCo's Newton keeps a start within its tolerance of 1e-8 as it is"
 )

@@ -68,6 +68,8 @@ pub struct Projector {
     rounding: f64,
     solves: i64,
     iterations: i64,
+    /// rad or m: the way since rows were last closed.
+    gone: f64,
     inertia: Inertia,
     zero: Vec<f64>,
     jacobian: Jacobian,
@@ -95,6 +97,7 @@ impl Projector {
             rounding: 2.0 * f64::EPSILON * (model.extent() + largest(&model.center())),
             solves: 0,
             iterations: 0,
+            gone: 0.0,
             inertia: Inertia::new(nv),
             zero: vec![0.0; nv],
             jacobian: Jacobian::default(),
@@ -110,16 +113,27 @@ impl Projector {
         }
     }
 
-    /// Projects positions, then velocities; leaves the position stage valid. `trust` is the longest change of a coordinate,
-    /// rad or m, that still is a correction and not another pose.
+    /// One for states of another copy of the model, with a solver that starts as this one's stands.
+    #[must_use]
+    pub fn twin(&self, model: &Model) -> Self {
+        Self::new(model, self.solver.clone_box())
+    }
+
+    /// Projects positions, then velocities; leaves the position stage valid. `gone` is how far a coordinate may have gone in
+    /// this step, rad or m.
+    ///
+    /// A correction may be as long as the way since rows were last closed; a longer one would lead to another pose. Where it is
+    /// refused the gap goes on growing, and what is trusted grows with it: the next step tries again.
     ///
     /// # Errors
     /// Those of the solver and of MuJoCo.
-    pub fn project(&mut self, data: &mut Data, trust: f64) -> Result<(), Error> {
+    pub fn project(&mut self, data: &mut Data, gone: f64) -> Result<(), Error> {
         (self.solves, self.iterations) = (0, 0);
-        let (landing, rounds, moved) = self.positions(data, trust.clamp(TRUST.0, TRUST.1))?;
+        self.gone += gone;
+        let (landing, rounds, moved) = self.positions(data, self.gone.clamp(TRUST.0, TRUST.1))?;
         if landing != Landing::TooFar {
             self.velocities(data)?;
+            self.gone = 0.0;
         }
         let (solves, iterations) = (self.solves, self.iterations);
         self.last = Some(Projection { landing, rounds, solves, iterations, moved });

@@ -12,7 +12,7 @@ use crate::library::{Data, Model, without_timers};
 use crate::state::{Baumgarte, State};
 use crate::steps::{Column, Steps};
 use crate::vectors::{largest, times};
-use crate::walker::is_finite;
+use crate::walker::{bounded, is_sane};
 
 /// What an outside truth speaks of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +21,16 @@ pub enum Observed {
     Coordinate(usize),
     /// The place of a site.
     Site(usize),
+}
+
+impl Observed {
+    /// Where it is, at a state whose position stage is done: rad or m.
+    pub(crate) fn place(self, data: &Data) -> &[f64] {
+        match self {
+            Self::Coordinate(index) => &data.qpos()[index..=index],
+            Self::Site(index) => &data.site_xpos()[3 * index..3 * index + 3],
+        }
+    }
 }
 
 /// What a run starts from and what is written down of it besides what it is for.
@@ -88,7 +98,7 @@ pub struct Snapshot {
 
 /// What all experiments write down.
 pub(crate) struct Notes {
-    observed: Option<Observed>,
+    pub(crate) observed: Option<Observed>,
     conserved: bool,
     due: Vec<usize>,
     kept: Vec<Snapshot>,
@@ -115,12 +125,8 @@ impl Notes {
         steps.float("drift_pos", largest(data.pos()));
         steps.float("drift_vel", largest(data.vel()));
         steps.list("qpos", data.qpos());
-        match self.observed {
-            Some(Observed::Coordinate(index)) => steps.list("observed", &data.qpos()[index..=index]),
-            Some(Observed::Site(index)) => {
-                steps.list("observed", &data.site_xpos()[3 * index..3 * index + 3]);
-            }
-            None => {}
+        if let Some(observed) = self.observed {
+            steps.list("observed", observed.place(data));
         }
     }
 
@@ -188,7 +194,7 @@ pub struct End {
     pub step: usize,
     /// Time of its state, s.
     pub time: f64,
-    /// Why; `None`: the state is no longer finite.
+    /// Why; `None`: the state is no longer finite, or beyond MuJoCo's bound.
     pub error: Option<Error>,
 }
 
@@ -226,12 +232,19 @@ impl Run {
         while self.done < until && self.end.is_none() {
             let taken = self.take_step();
             let (step, time) = (self.done, self.experiment.data().time());
-            if let Err(error) = taken {
-                for table in self.experiment.tables() {
-                    table.truncate(self.rows);
+            match taken {
+                Ok(true) => {}
+                Ok(false) => {
+                    self.end = Some(End { step, time, error: None });
+                    break;
                 }
-                self.end = Some(End { step, time, error: Some(error) });
-                break;
+                Err(error) => {
+                    for table in self.experiment.tables() {
+                        table.truncate(self.rows);
+                    }
+                    self.end = Some(End { step, time, error: Some(error) });
+                    break;
+                }
             }
             self.rows += 1;
             self.done += 1;
@@ -240,22 +253,27 @@ impl Run {
                     table.reserve((until - self.done).min(ROOM));
                 }
             }
-            if !is_finite(self.experiment.data()) {
+            if !is_sane(self.experiment.data()) {
                 self.end = Some(End { step, time, error: None });
             }
         }
         self.done - before
     }
 
-    fn take_step(&mut self) -> Result<(), Error> {
+    /// Whether it was taken: from accelerations beyond bounds it is not.
+    fn take_step(&mut self) -> Result<bool, Error> {
         let began = Instant::now();
         self.experiment.look()?;
         let looked = began.elapsed();
+        if !bounded(self.experiment.data().qacc()) {
+            return Ok(false);
+        }
         self.experiment.record(self.done)?;
         let began = Instant::now();
         self.experiment.step()?;
         let taken = began.elapsed();
-        self.experiment.finish(1e6 * (looked + taken).as_secs_f64())
+        self.experiment.finish(1e6 * (looked + taken).as_secs_f64())?;
+        Ok(true)
     }
 
     /// Takes all steps that are left without writing anything down: what the walk itself costs.

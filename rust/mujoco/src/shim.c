@@ -86,7 +86,8 @@ int oarlock_copy_model(const mjModel* model, mjModel** copy, char* message) {
   TRAPPED(message, *copy = api.mj_copyModel(NULL, model));
 }
 
-void oarlock_leave_unsolved(mjModel* model) {
+void oarlock_leave_unsolved(mjModel* model, double timestep) {
+  model->opt.timestep = timestep;
   model->opt.jacobian = mjJAC_AUTO;
   model->opt.disableflags |= mjDSBL_ISLAND;
 }

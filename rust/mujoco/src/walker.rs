@@ -57,23 +57,25 @@ impl<F: ForceLaw> ForcedWalker<F> {
 
     /// MuJoCo's Euler or implicit step, or the Runge–Kutta step of order four; then the projection.
     ///
-    /// A projection may move the state about as far as the step itself did; more is refused, and noted in its landing.
+    /// A projection may move the state about as far as the steps did since rows were last closed; more is refused, and noted in
+    /// its landing. How far is h max|v| + h² max|a|: at a turning point the velocities say nothing, and what a step leaves open
+    /// there is of the order of h² a.
     ///
     /// # Errors
     /// What the stages, the force law or the projection say.
     pub fn step(&mut self) -> Result<(), Error> {
-        let before = largest(self.data.qvel());
+        let (before, hardest) = (largest(self.data.qvel()), largest(self.data.qacc()));
         if self.data.model().is_staged() {
             self.runge_kutta()?;
         } else {
             self.data.integrate()?;
         }
         if let Some(projector) = &mut self.projector
-            && is_finite(&self.data)
+            && is_sane(&self.data)
         {
             let fastest = before.max(largest(self.data.qvel()));
-            let trust = self.data.model().timestep() * fastest;
-            projector.project(&mut self.data, trust)?;
+            let step = self.data.model().timestep();
+            projector.project(&mut self.data, step * fastest + step * step * hardest)?;
         }
         Ok(())
     }
@@ -98,10 +100,19 @@ impl<F: ForceLaw> ForcedWalker<F> {
     }
 }
 
-/// Whether positions and velocities are.
+/// MuJoCo's own bound (mjMAXVAL): a position, velocity or acceleration beyond it counts as diverged.
+pub const HUGE: f64 = 1e10;
+
+/// Whether all entries are below [`HUGE`]; NaN is not.
 #[must_use]
-pub fn is_finite(data: &Data) -> bool {
-    data.qpos().iter().chain(data.qvel()).all(|entry| entry.is_finite())
+pub fn bounded(entries: &[f64]) -> bool {
+    entries.iter().all(|entry| entry.abs() < HUGE)
+}
+
+/// Whether positions and velocities are finite and below [`HUGE`].
+#[must_use]
+pub fn is_sane(data: &Data) -> bool {
+    bounded(data.qpos()) && bounded(data.qvel())
 }
 
 /// Where a Runge–Kutta step began, and the rates at its stages.

@@ -148,8 +148,9 @@ impl Setup {
         Run::of(py, experiments::free_mujoco(&self.inner, steps))
     }
 
-    /// A solver walks alone in a form; a projector may end its steps.
-    #[pyo3(signature = (steps, form_name, solver, projector=None))]
+    /// A solver walks alone in a form; a projector may end its steps, and a solver may walk beside it with half the timestep,
+    /// which tells its error.
+    #[pyo3(signature = (steps, form_name, solver, projector=None, beside=None))]
     fn free_solved(
         &self,
         py: Python<'_>,
@@ -157,9 +158,11 @@ impl Setup {
         form_name: &str,
         solver: SolverRef<'_>,
         projector: Option<SolverRef<'_>>,
+        beside: Option<SolverRef<'_>>,
     ) -> PyResult<Run> {
+        let beside = beside.map(|solver| solver.fresh()).transpose()?;
         let (form, projector) = (form(form_name)?, self.projector(projector.as_deref())?);
-        Run::of(py, experiments::free_solved(&self.inner, form, solver.fresh()?, projector, steps))
+        Run::of(py, experiments::free_solved(&self.inner, form, solver.fresh()?, projector, beside, steps))
     }
 
     /// Where the time of a free run on exact constraints goes, as a dictionary: parts, by the order of a step, {part: (time in

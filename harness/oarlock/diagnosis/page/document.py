@@ -40,6 +40,7 @@ def document(exam: Examination, findings: Sequence[Finding]) -> dict[str, Any]:
                 for one in exam.settings
             ],
             "drift": [asdict(one) for one in exam.drifts],
+            "exact": _exact(exam),
             "why": _why(exam),
             "recipe": _recipe(exam),
             "reactions": _reactions(exam),
@@ -47,6 +48,15 @@ def document(exam: Examination, findings: Sequence[Finding]) -> dict[str, Any]:
             "findings": [finding.document() for finding in findings],
         }
     )
+
+
+def _exact(exam: Examination) -> dict[str, Any] | None:
+    """How the exact solution ended, and how far it is off by its own estimate."""
+    exact = exam.exact
+    if exact is None:
+        return None
+    error = float(exact.error.max()) if len(exact.error) else None
+    return {"integrator": exact.integrator, "note": exact.note, "end": exact.end, "error": error}
 
 
 def _plain(value: Any) -> Any:

@@ -25,7 +25,7 @@ from oarlock.stepping.solvers import SolverSpec
 
 SOLVER = SolverSpec("auto")
 
-_FIGURES = ("rank", "drift_pos", "drift_vel", "drift_acc", "qpos", "residual", "multipliers")
+_FIGURES = ("rank", "drift_pos", "drift_vel", "drift_acc", "error_estimate", "qpos", "residual", "multipliers")
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,9 @@ class ExactRun:
         force: minimum-norm multipliers λ, N or N m, in MuJoCo's sign.
         drift: largest r, J v and J a + J̇v of any row, (steps, 3), m or rad, per s, per s².
         rank: of A.
+        error: how far positions are off by the run's own estimate, (steps), m or rad; infinite where it is not known.
         end: ``refused`` where a contact, limit or friction became active, which the exact solution does not know, or
-            where a state could not be solved for or projected.
+            where the start could not be solved for; ``diverged`` where a later state could not, or was beyond bounds.
     """
 
     layout: Layout
@@ -54,6 +55,7 @@ class ExactRun:
     present: np.ndarray
     drift: np.ndarray
     rank: np.ndarray
+    error: np.ndarray
     end: End
 
 
@@ -107,11 +109,13 @@ class _Rows:
         self.position, self.force = np.zeros((2, steps, layout.rows))
         self.present = np.zeros((steps, layout.rows), dtype=bool)
         self.drift, self.rank = np.zeros((steps, 3)), np.zeros(steps, int)
+        self.error = np.zeros(steps)
 
     def take(self, chunk: pl.DataFrame) -> None:
         """Takes rows of a table of steps."""
         vectors = zip(*(chunk[name].to_list() for name in ("qpos", "residual", "multipliers")), strict=True)
         drift = chunk.select("drift_pos", "drift_vel", "drift_acc").to_numpy()
+        self.error[self.taken : self.taken + len(chunk)] = chunk["error_estimate"].to_numpy()
         for (qpos, position, force), figures, rank in zip(vectors, drift, chunk["rank"].to_list(), strict=True):
             self._append(np.array(qpos), np.array(position), np.array(force), figures, rank)
 
@@ -144,6 +148,7 @@ class _Rows:
             present=self.present[:n],
             drift=self.drift[:n],
             rank=self.rank[:n],
+            error=self.error[:n],
             end=end,
         )
 
@@ -151,7 +156,8 @@ class _Rows:
 def _end(ending: Ending | None, prepared: Prepared) -> End:
     if ending is None:
         return End("finished", max(0, prepared.steps - 1) * prepared.timestep_s)
-    if ending.error is None:
-        return End("diverged", ending.time_s, f"{ending.reason} at t = {ending.time_s:.6g} s")
-    refused = isinstance(ending.error, RefusedError)
-    return End("refused", ending.time_s, ending.reason.partition(", expected")[0] if refused else ending.reason)
+    if isinstance(ending.error, RefusedError):
+        return End("refused", ending.time_s, ending.reason.partition(", expected")[0])
+    if ending.error is not None and ending.step == 0:
+        return End("refused", ending.time_s, ending.reason)
+    return End("diverged", ending.time_s, ending.reason)

@@ -10,13 +10,11 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.mechanics.bounds import HUGE, bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import coordinates, element_name
 from oarlock.stepping import walkers
 from oarlock.stepping.walkers import MujocoWalker
-
-HUGE = 1e10
-"""MuJoCo's own bound (mjMAXVAL): a position, velocity or acceleration beyond it counts as diverged."""
 
 How = Literal["finished", "diverged", "refused"]
 
@@ -64,8 +62,7 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
         drive.apply(data)
     with nullcontext() if drive is None or constant else drive.installed():
         for step in walkers.walk(MujocoWalker(model, data), steps):
-            # Written so that NaN fails it too.
-            if not (abs(data.qacc).max() < HUGE and abs(data.qvel).max() < HUGE and abs(data.qpos).max() < HUGE):
+            if not bounded(data.qacc, data.qvel, data.qpos):
                 return
             yield step
 

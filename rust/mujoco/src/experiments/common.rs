@@ -10,7 +10,7 @@ use crate::projection::Projector;
 use crate::run::Setup;
 use crate::steps::Steps;
 use crate::vectors::largest;
-use crate::walker::is_finite;
+use crate::walker::is_sane;
 
 /// MuJoCo on its own way.
 pub(super) struct MujocoWalker {
@@ -69,7 +69,7 @@ impl Companion {
         steps.maybe("trajectory_diff", apart(&mut self.apart, &self.walker.data, qpos));
         self.walker.look()?;
         self.walker.step()?;
-        self.alive = is_finite(&self.walker.data);
+        self.alive = is_sane(&self.walker.data);
         Ok(())
     }
 }

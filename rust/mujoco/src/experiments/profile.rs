@@ -172,7 +172,7 @@ impl ForceLaw for ClockedForce {
 /// # Errors
 /// Those of [`ForcedWalker::new`] and [`State::new`], and what ends the walk.
 pub fn profile(setup: &Setup, solver: Solver, steps: usize) -> Result<Profile, Error> {
-    let own = Setup { model: Arc::new(setup.model.unsolved()?), ..setup.clone() };
+    let own = Setup { model: Arc::new(setup.model.unsolved(setup.model.timestep())?), ..setup.clone() };
     let force = ClockedForce {
         state: setup.state()?,
         system: ConstrainedSystem::new(),

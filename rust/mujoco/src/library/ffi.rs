@@ -109,7 +109,7 @@ unsafe extern "C" {
         copy: *mut *mut c_void,
         message: *mut c_char,
     ) -> c_int;
-    pub(super) fn oarlock_leave_unsolved(model: *mut c_void);
+    pub(super) fn oarlock_leave_unsolved(model: *mut c_void, timestep: f64);
     pub(super) fn oarlock_delete_model(model: *mut c_void);
     pub(super) fn oarlock_make_data(
         model: *const c_void,

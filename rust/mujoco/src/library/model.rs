@@ -147,16 +147,16 @@ impl Model {
     }
 
     /// A copy for walks on which MuJoCo's constraint solver is not asked: without what only that solver needs, islands and a
-    /// Jacobian that is dense whatever its size.
+    /// Jacobian that is dense whatever its size. `timestep` is its own, s.
     ///
     /// # Errors
     /// [`Error::Mujoco`]: there is no memory for it.
-    pub fn unsolved(&self) -> Result<Self, Error> {
+    pub fn unsolved(&self, timestep: f64) -> Result<Self, Error> {
         // SAFETY: `self` is a model of this library, and nothing writes to it.
         let mut copy = unsafe { Self::copy_of(self.raw.as_ptr() as usize) }?;
         // SAFETY: nobody else knows the copy yet.
         unsafe {
-            oarlock_leave_unsolved(copy.raw.as_ptr());
+            oarlock_leave_unsolved(copy.raw.as_ptr(), timestep);
             oarlock_view_model(copy.raw.as_ptr(), &raw mut copy.view);
         }
         Ok(copy)
