@@ -29,7 +29,7 @@ FROZEN_SLACK = 1
 
 FROZEN_ITERATIONS = {
     "lockstep-hard-along-pinv-sr1-rk4": (23837, 3),
-    "lockstep-matched-along-mujoco-sr1-euler": (23999, 4),
+    "lockstep-matched-along-mujoco-sr1-euler": (24005, 4),
 }
 """Total and largest iteration count of sr1 over 12 000 solves. Frozen on purpose: update deliberately, saying why."""
 

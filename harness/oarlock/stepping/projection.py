@@ -93,21 +93,17 @@ class Projector:
         self._solves = self._iterations = 0
         self._gone = 0.0
 
-    def correction(
-        self, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0, *, hold: bool = False
-    ) -> np.ndarray:
+    def correction(self, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0) -> np.ndarray:
         """Computes δ = M⁻¹ Jᵀ A⁺ c (nv), the least-squares solution of J δ = c with the smallest ½ δᵀ M δ.
 
         Args:
             data: a state whose position stage is done.
             wanted: c (ne).
             damping: added to the diagonal of A.
-            hold: whether the state belongs to a path along which the rank is held.
         """
         jacobian = closing_jacobian(self.model, data)
         softness = np.full(len(wanted), damping) if damping else None
-        if hold:
-            self._inertia.hold_rank(data)
+        self._inertia.hold_rank(data)
         self._inertia.assemble(data, jacobian, self._zero, wanted, softness)
         multipliers, info = self._solver.solve_system(self._inertia.system)
         self.rank = info.rank or 0
@@ -142,7 +138,7 @@ class Projector:
         mujoco.mj_fwdPosition(model, data)
         error = gap(data)
         while error > self._rounding and rounds < MAX_ROUNDS:
-            step = self.correction(data, -data.efc_pos[: data.ne], hold=True)
+            step = self.correction(data, -data.efc_pos[: data.ne])
             if not np.abs(total + step).max() <= trust:
                 self._place(data, given)
                 return "too-far", 0, 0.0
@@ -169,7 +165,7 @@ class Projector:
         for _ in range(MAX_ROUNDS):
             if error <= _EPSILON * times(np.abs(jacobian), np.abs(data.qvel)).max(initial=0.0):
                 return
-            changed = data.qvel + self.correction(data, -rate, hold=True)
+            changed = data.qvel + self.correction(data, -rate)
             rate = times(jacobian, changed)
             after = np.abs(rate).max()
             if not after < error:

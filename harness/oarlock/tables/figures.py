@@ -144,7 +144,7 @@ FIGURES = (
     Figure("refolds", total_if_any("refolds"), tolerance.RESTARTS),
     Figure("rank_min", smallest("rank"), tolerance.WHOLE),
     Figure("rank_max", largest("rank"), tolerance.WHOLE),
-    Figure("rank_margin_min", smallest("rank_margin"), None),
+    Figure("rank_margin_min", smallest("rank_margin"), tolerance.MARGIN),
     Figure("rank_rises", total_if_any("rank_rises"), tolerance.WHOLE),
     Figure("min_norm_error_max", largest("min_norm_error"), tolerance.NORM, sweep="min-norm error"),
     Figure("min_norm_error_median", median(pl.col("min_norm_error")), tolerance.NORM),

@@ -73,6 +73,9 @@ MOST = Tolerance("solver", "smaller", 0.25, 2.0, f"of one solve; {_COUNTED}")
 RESTARTS = Tolerance("solver", "smaller", 0.25, 3.0, f"restarts of a run; {_COUNTED}")
 GIVEN_UP = Tolerance("solver", "smaller", 0.1, 1.0, f"solves or projections of a run that did not converge; {_COUNTED}")
 WHOLE = Tolerance("structure", "neither", 0.0, 0.0, "a whole number")
+MARGIN = Tolerance(
+    "structure", "neither", 9.0, 1e4, "how far an eigenvalue stays from the rank cut, where it comes within 1e4 of it"
+)
 MOVED = Tolerance("structure", "neither", 0.01, 1e-9, "how far closing moved the start")
 LENGTH = Tolerance("status", "neither", 0.0, 0.0, "a whole number")
 TIME = Tolerance("timing", "smaller", math.inf, 0.0, "reported; judged only with a factor")

@@ -93,7 +93,8 @@ impl Problem<'_> {
         }
     }
 
-    /// Returns √(xᵀ A x) of some `rows` of x: of hard constraints the acceleration M⁻¹ Jᵀ x in the norm of M. `work` is workspace.
+    /// Returns ‖W x‖ of some `rows` of x, the acceleration M⁻¹ Jᵀ x in the norm of M; of a system given as dense (A, b) √(xᵀ A x).
+    /// `work` is workspace.
     pub(crate) fn acceleration_norm(&self, rows: &[usize], x: &[f64], work: &mut Vec<f64>) -> f64 {
         let (n, nv) = (self.len(), self.work.len());
         if nv == 0 {
@@ -109,8 +110,7 @@ impl Problem<'_> {
             let column = &self.whitened[row * nv..(row + 1) * nv];
             axpy(x[row], self.spans.cut(row, column), self.spans.cut_mut(row, work));
         }
-        let soft = |softness: &[f64]| rows.iter().map(|&row| softness[row] * x[row] * x[row]).sum::<f64>();
-        norm(work).hypot(self.softness.map_or(0.0, soft).sqrt())
+        norm(work)
     }
 
     /// Returns an entry of the diagonal of A.

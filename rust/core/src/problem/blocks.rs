@@ -162,6 +162,13 @@ impl Blocks {
         if most > 0.0 { most / least } else { 1.0 }
     }
 
+    /// Returns the part of the largest eigenvalue below which one counts as zero for who decides by numbers alone: more than the cut
+    /// only where a rank is to be held and nobody has decided it.
+    #[must_use]
+    pub fn cut(&self, rank_cut: f64) -> f64 {
+        if self.is_undecided() { self.explained(rank_cut).min(AT_START.max(rank_cut)) } else { rank_cut }
+    }
+
     /// Decides the rank of a block from all its eigenvalues, in any order. `most` is the largest entry of all of A: a block that
     /// is no more than the square of what counts as a zero row beside it is rounding. Rows come apart by an exact zero
     /// where a mechanism passes through a singular pose, too.
@@ -179,9 +186,8 @@ impl Blocks {
         match self.held[block] {
             Some(held) if rank <= held => rank,
             held => {
-                let explained = self.explained(rank_cut);
                 let standing =
-                    above(if held.is_none() { explained.min(AT_START.max(rank_cut)) } else { explained });
+                    above(if held.is_none() { self.cut(rank_cut) } else { self.explained(rank_cut) });
                 let rank = standing.max(held.unwrap_or(0));
                 self.risen |= held.is_some_and(|held| rank > held);
                 self.held[block] = Some(rank);

@@ -447,7 +447,8 @@ impl Solver for Cholesky {
         check_len("x", x.len(), &[n])?;
         self.resize(n);
         problem.matrix();
-        let (rank_cut, ceiling) = (self.params.rank_cut, problem.blocks().ceiling());
+        let blocks = problem.blocks();
+        let (rank_cut, ceiling) = (blocks.cut(self.params.rank_cut), blocks.ceiling());
         let asked = Asked { rank_cut, ceiling, wanted: problem.wanted };
         let (matrix, rhs) = (&*problem.dense, problem.rhs());
         let narrow = problem

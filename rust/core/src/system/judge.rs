@@ -17,6 +17,9 @@ use crate::solvers::svd::{Svd, SvdParams};
 /// heavy ones.
 pub const ACCURATE: f64 = 2e-7;
 
+/// Part of the largest block's acceleration below which that of another one is rounding.
+pub(super) const ROUNDING: f64 = 1e-13;
+
 /// A direct solver with its answer to the step at hand.
 pub(super) struct Judge {
     pub(super) solver: Box<dyn MultiplierSolver>,
