@@ -29,20 +29,31 @@ const NEAR: f64 = 1e-5;
 /// Whether the eigenvalues of every block of the matrix say the same rank by `rank_cut`, and the same null space.
 ///
 /// The trace of what is left over bounds λᵣ₊₁ from above, in every block and also where rows are scaled, for no block is smaller
-/// than the least entry of the diagonal. The largest eigenvalue lies between the first pivot and the trace.
+/// than the least entry of the diagonal. The largest eigenvalue lies between the first pivot and the trace. Of a rank that is
+/// held the factor may leave as much as the open rows explain.
 fn is_certain(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> bool {
-    let left = found.left(problem.len());
-    let (trace, least) = (problem.trace(), problem.least_diagonal());
-    found.last > CLEAR * rank_cut * trace && left <= rank_cut * least && left <= NEAR * found.last
+    let (left, blocks) = (found.left(problem.len()), problem.blocks());
+    let zero = if is_held(problem) && found.rank == blocks.ceiling() {
+        blocks.explained(rank_cut)
+    } else {
+        rank_cut
+    };
+    found.last > CLEAR * rank_cut * problem.trace()
+        && left <= zero * problem.least_diagonal()
+        && left <= NEAR * found.last
+}
+
+/// Whether the ranks of all blocks are held.
+fn is_held(problem: &Problem<'_>) -> bool {
+    let blocks = problem.blocks();
+    (0..blocks.len()).all(|block| blocks.holds(block))
 }
 
 /// How far pivots lie from the cut, as eigenvalues do in [`Info::margin`].
 fn margin(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> f64 {
     let kept = found.last / (rank_cut * problem.trace());
     let left = found.left(problem.len()).max(f64::MIN_POSITIVE);
-    let blocks = problem.blocks();
-    let held = (0..blocks.len()).all(|block| blocks.holds(block));
-    if held { kept } else { kept.min(rank_cut * problem.least_diagonal() / left) }
+    if is_held(problem) { kept } else { kept.min(rank_cut * problem.least_diagonal() / left) }
 }
 
 /// Parameters of [`Auto`].

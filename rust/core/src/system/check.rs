@@ -1,6 +1,6 @@
 //! Statuses that are promises: an answer is held against that of a judge.
 
-use super::judge::{ACCURATE, ROUNDING};
+use super::judge::{ACCURATE, Judges, ROUNDING};
 use super::{ConstrainedSystem, power_of_two};
 use crate::error::Error;
 use crate::info::{Info, Status};
@@ -50,18 +50,21 @@ impl ConstrainedSystem {
         }
         let allowed = ACCURATE.max(ALLOWED * info.tolerance);
         let problem = self.problem(Wanted::Multipliers);
-        let scale = |rows: &[usize], work: &mut Vec<f64>| {
+        let blocks = || (0..problem.blocks.len()).map(|block| problem.blocks.of(block));
+        let Judges { all, work, scales, gap } = &mut judges;
+        let reference = &all[at].reduced;
+        scales.clear();
+        scales.extend(blocks().map(|rows| {
             let part = rows.iter().map(|&row| problem.rhs[row] * problem.rhs[row]).sum::<f64>().sqrt();
             let trace = rows.iter().map(|&row| problem.diagonal(row)).sum::<f64>();
             let floor = if trace > 0.0 { part / trace.sqrt() } else { 0.0 };
             problem.acceleration_norm(rows, reference, work).max(floor)
-        };
+        }));
         // Block by block: a fast mechanism says nothing of a slow one beside it.
-        let blocks = || (0..problem.blocks.len()).map(|block| problem.blocks.of(block));
-        let most = blocks().map(|rows| scale(rows, &mut judges.work)).fold(0.0, f64::max);
-        let wrong = blocks().any(|rows| {
-            let bound = allowed * scale(rows, &mut judges.work) + ROUNDING * most;
-            let off = problem.acceleration_norm(rows, &judges.gap, &mut judges.work);
+        let most = scales.iter().fold(0.0_f64, |most, &scale| most.max(scale));
+        let wrong = blocks().zip(&*scales).any(|(rows, scale)| {
+            let bound = allowed * scale + ROUNDING * most;
+            let off = problem.acceleration_norm(rows, gap, work);
             // A NaN is no promise either.
             off > bound || off.is_nan() || bound.is_nan()
         });

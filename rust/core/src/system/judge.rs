@@ -37,6 +37,8 @@ pub(super) struct Judges {
     pub(super) all: Vec<Judge>,
     pub(super) gap: Vec<f64>,
     pub(super) work: Vec<f64>,
+    /// Size of the acceleration of every block.
+    pub(super) scales: Vec<f64>,
 }
 
 impl Clone for Judges {
