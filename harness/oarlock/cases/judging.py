@@ -75,8 +75,8 @@ class Ending(_Table):
 DEFAULT_ENDINGS = [
     Ending(
         status="unconverged",
-        where={"mode": "lockstep", "walker": "mujoco", "form": "hard", "solver": "sr1"},
-        cause="MuJoCo's loops stand open, and what redundant rows contradict one another by is beyond eps_abs",
+        where={"mode": "lockstep", "walker": "mujoco", "solver": "sr1"},
+        cause="its test is absolute: what redundant rows of open loops contradict by is beyond it, and a small b is below it",
     )
 ]
 """Endings of a case that names none."""

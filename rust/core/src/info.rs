@@ -52,7 +52,7 @@ pub struct Info {
     pub margin: Option<f64>,
     /// Whether a rank that was held rose in this step, because more stands than open rows explain.
     pub risen: bool,
-    /// Residual ‖A x − b‖ / ‖b‖ that the stopping test allows; 0 for a direct solver.
+    /// Residual ‖A x − b‖ / ‖b‖ that the stopping test may leave beyond what `converged` promises of every solver; 0 for none.
     pub tolerance: f64,
     /// Whether the carried pseudo-inverse was recomputed from scratch in this solve.
     pub refreshed: bool,

@@ -36,9 +36,9 @@ pub const RANK_CUT: f64 = 1e-10;
 /// whatever the rank cut; a sign that is wrong in a formula leaves order one.
 pub(crate) const SEMIDEFINITE_TOLERANCE: f64 = 1e-10;
 
-/// Ratio of the sizes of the constraints of a block from which on it is scaled before it is decomposed. Below, the scaling would move an
-/// eigenvalue by no more than the distance from the cut that is reported as doubtful.
-const GRADED: f64 = 1e4;
+/// Ratio of the sizes of the constraints of a block from which on it is scaled before its rank is counted. Below, the scaling
+/// would move an eigenvalue by no more than that.
+const GRADED: f64 = 100.0;
 
 /// Smallest eigenvalue that is kept, as a part of the largest, that a tridiagonal matrix gives with ten digits.
 const ILL: f64 = 1e-6;

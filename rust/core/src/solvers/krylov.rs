@@ -70,6 +70,9 @@ pub trait Method: Clone + Send + Sync + 'static {
     ) -> End;
 }
 
+/// Default of the stopping test.
+const RTOL: f64 = 1e-10;
+
 /// Parameters of [`Krylov`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KrylovParams<M> {
@@ -90,7 +93,7 @@ impl<M: Method> Params for KrylovParams<M> {
 
     fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
         Ok(Self {
-            rtol: reader.positive("rtol", 1e-10)?,
+            rtol: reader.positive("rtol", RTOL)?,
             max_iterations: reader.count("max_iterations", 500)?,
             warm: reader.switch("warm", true)?,
             rank_cut: reader.fraction("rank_cut", RANK_CUT)?,
@@ -223,7 +226,7 @@ impl<M: Method> Solver for Krylov<M> {
             rank: Some(self.eigen.rank()),
             null_residual: Some(self.eigen.null_residual()),
             margin: Some(self.eigen.margin()),
-            tolerance: rtol,
+            tolerance: if rtol > RTOL { rtol } else { 0.0 },
             ..Info::trivial(0.0)
         })
     }

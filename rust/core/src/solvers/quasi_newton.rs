@@ -28,7 +28,7 @@ use crate::info::{Info, Status};
 use crate::linalg::kernels::{axpy, dot, gemv, norm, rank_one, rank_two};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem};
-use crate::solvers::carried::{CarriedInverse, FIELDS, Iterate, check_state};
+use crate::solvers::carried::{CarriedInverse, EPS_ABS, FIELDS, Iterate, check_state};
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::solver::{Solver, State};
 
@@ -125,7 +125,7 @@ impl<U: Update> Params for QuasiNewtonParams<U> {
 
     fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
         Ok(Self {
-            eps_abs: reader.positive("eps_abs", 1e-6)?,
+            eps_abs: reader.positive("eps_abs", EPS_ABS)?,
             rtol: reader.non_negative("rtol", 0.0)?,
             guard: reader.fraction("guard", 1e-6)?,
             max_iterations: reader.count("max_iterations", 50)?,
@@ -221,6 +221,7 @@ impl<U: Update> Solver for QuasiNewton<U> {
         axpy(-1.0, problem.rhs(), &mut self.at.r);
         let trace = problem.trace();
         self.at.tolerance = self.params.eps_abs.max(self.params.rtol * self.at.b_norm);
+        self.at.loose = self.at.tolerance > EPS_ABS;
         let status = loop {
             if !self.search(problem, trace) {
                 break if norm(&self.at.r) <= self.at.tolerance {

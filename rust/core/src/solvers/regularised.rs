@@ -39,6 +39,9 @@ const GROWTH: f64 = 100.0;
 /// A step counts only if it leaves less than this part of the residual.
 const PROGRESS: f64 = 0.9;
 
+/// Default of the stopping test.
+const RTOL: f64 = 1e-8;
+
 /// Parameters of [`Regularised`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RegularisedParams {
@@ -58,7 +61,7 @@ impl Params for RegularisedParams {
     fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
         Ok(Self {
             epsilon: reader.positive("epsilon", 1e-8)?,
-            rtol: reader.positive("rtol", 1e-8)?,
+            rtol: reader.positive("rtol", RTOL)?,
             max_iterations: reader.count("max_iterations", 20)?,
             warm: reader.switch("warm", false)?,
         })
@@ -223,7 +226,7 @@ impl Solver for Regularised {
             inconsistency: None,
             rank: None,
             null_residual: None,
-            tolerance: self.params.rtol,
+            tolerance: if self.params.rtol > RTOL { self.params.rtol } else { 0.0 },
             fallbacks,
             ..Info::trivial(0.0)
         })

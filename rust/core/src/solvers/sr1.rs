@@ -35,7 +35,7 @@ use crate::info::Info;
 use crate::linalg::kernels::{axpy, dot, gemv, norm, rank_one};
 use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem};
-use crate::solvers::carried::{CarriedInverse, FIELDS, Iterate, check_state};
+use crate::solvers::carried::{CarriedInverse, EPS_ABS, FIELDS, Iterate, check_state};
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::solver::{Solver, State};
 
@@ -57,7 +57,7 @@ impl Params for Sr1Params {
 
     fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
         Ok(Self {
-            eps_abs: reader.positive("eps_abs", 1e-6)?,
+            eps_abs: reader.positive("eps_abs", EPS_ABS)?,
             guard: reader.fraction("guard", 1e-6)?,
             max_iterations: reader.count("max_iterations", 50)?,
             rank_cut: reader.fraction("rank_cut", RANK_CUT)?,
@@ -144,7 +144,7 @@ impl Sr1 {
         self.resize(n);
         let Self { params, carried, at, y, hr } = self;
         at.begin(carried, problem)?;
-        at.tolerance = params.eps_abs;
+        (at.tolerance, at.loose) = (params.eps_abs, params.eps_abs > EPS_ABS);
         at.solve_with(carried, problem);
         // y₀ = A x₁ = r₁ + b
         y.copy_from_slice(&at.r);

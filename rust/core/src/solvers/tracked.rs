@@ -82,6 +82,9 @@ const FIELDS: [&str; 8] = [
     "null_differences_track",
 ];
 
+/// Default of the stopping test.
+const RTOL: f64 = 1e-8;
+
 /// Parameters of [`Tracked`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackedParams {
@@ -102,7 +105,7 @@ impl Params for TrackedParams {
 
     fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
         Ok(Self {
-            rtol: reader.positive("rtol", 1e-8)?,
+            rtol: reader.positive("rtol", RTOL)?,
             predict: reader.count_to("predict", 5, LONGEST)?,
             guard: reader.fraction("guard", 0.01)?,
             max_iterations: reader.count("max_iterations", 10)?,
@@ -419,7 +422,7 @@ impl Solver for Tracked {
             inconsistency: Some(inconsistency),
             rank: Some(n - self.null.dim()),
             null_residual: Some(null_residual),
-            tolerance: self.params.rtol,
+            tolerance: if self.params.rtol > RTOL { self.params.rtol } else { 0.0 },
             refreshed,
             fallbacks: count.fallbacks,
             ..Info::trivial(0.0)

@@ -15,7 +15,7 @@ use crate::solvers::svd::{Svd, SvdParams};
 /// Error of an acceleration in the norm of M, relative to what the constraints of its block make of it, up to which it is right.
 /// Direct solvers leave √cond ε, 1e-11 at the rank cut. Entry by entry that is within 1e-6, also where light bodies hang on
 /// heavy ones.
-pub const ACCURATE: f64 = 2e-7;
+pub const ACCURATE: f64 = 5e-8;
 
 /// Part of the largest block's acceleration below which that of another one is rounding.
 pub(super) const ROUNDING: f64 = 1e-13;
