@@ -86,14 +86,27 @@
 //! | you want | take |
 //! |---|---|
 //! | the multipliers of a step, fast and minimum-norm | `auto`: direct, no state, the same answer whatever came before |
-//! | a second opinion, or ranks near the cut | `pinv`; along a trajectory `pinv-tracked` |
+//! | a second opinion, or ranks near the cut | `pinv`; along a trajectory `pinv-tracked`; a third one `svd` |
 //! | the paper's method as published, with its iteration counts | `sr1`; its multipliers are not the minimum-norm ones |
 //! | the paper's idea with minimum norm: 0.2 to 2 iterations a step, A never formed | `sr1-tracked` |
-//! | accelerations only, of a large and well-conditioned system | `cg` or `minres`, warm: the fewest products, any null part |
+//! | the products that a method without a carried inverse needs | `cg` or `minres`; their null space is `pinv`'s, and so is their price |
 //! | what a regularising engine would give | `cholesky-regularised`: 1e-7 from minimum norm while rows agree, by a factor of 1e4 and more when they do not |
 //!
 //! On these problems no quasi-Newton iteration beats a blocked factorisation at any size; its merit is that A is not formed,
 //! and that it shows how little changes from step to step.
+//!
+//! # What is promised, and by whom
+//!
+//! [`Status::Converged`] means that the acceleration is right, by [`ConstrainedSystem::solve`]: an answer of a solver that iterates or
+//! carries something is held against that of a direct one which knows this step alone, block by block
+//! ([`reference`](ConstrainedSystem::reference)). `auto` judges most, `pinv` judges `auto` and `cholesky`, `svd` judges `pinv`. Their own
+//! errors, against a 60-digit oracle, on 1 200 random mechanisms (planar and spatial loops, welds, gears to 1e5, lead screws, mass
+//! ratios to 1e6; conditions of A within a block up to 2e13; `tests/random_mechanisms` of the Python tests):
+//!
+//! | largest error of an acceleration, of its largest entry | `auto` | `pinv` | `svd` |
+//! |---|---|---|---|
+//! | hard rows, along MuJoCo's open path, 3 600 states | AUTO_HARD | PINV_HARD | SVD_HARD |
+//! | soft rows, 3 600 states | AUTO_SOFT | PINV_SOFT | SVD_SOFT |
 //!
 //! # Which claim of the paper holds where
 //!
