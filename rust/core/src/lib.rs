@@ -105,8 +105,8 @@
 //!
 //! | largest error of an acceleration, of its largest entry | `auto` | `pinv` | `svd` |
 //! |---|---|---|---|
-//! | hard rows, along MuJoCo's open path, 3 600 states | AUTO_HARD | PINV_HARD | SVD_HARD |
-//! | soft rows, 3 600 states | AUTO_SOFT | PINV_SOFT | SVD_SOFT |
+//! | hard rows, along MuJoCo's open path, 3 600 states | 3e-7 | 7e-8 | 1e-9 |
+//! | soft rows, 3 600 states | 2e-12 | 3e-12 | 2e-12 |
 //!
 //! # Which claim of the paper holds where
 //!

@@ -13,9 +13,6 @@ pub(crate) const FIELDS: [&str; 2] = ["inverse", "least"];
 /// Default of the absolute stopping test of the solvers that stay faithful to the paper, in the units of b.
 pub(crate) const EPS_ABS: f64 = 1e-6;
 
-/// Relative residual that the absolute test of a default may leave: ten times that is within what `converged` promises.
-const WITHIN: f64 = 3e-8;
-
 /// How far ‖x‖ may exceed the bound ‖b‖ / λ⁺ of the minimum-norm solution before a solve counts as broken down. A
 /// turning null space alone doubles ‖x‖ on the boat; 100 leaves room for λ⁺ to have changed since it was computed.
 pub(crate) const GROWTH_LIMIT: f64 = 100.0;
@@ -185,12 +182,6 @@ impl Iterate {
         }
     }
 
-    /// The tolerance relative to b. One that nobody loosened allows no more than [`WITHIN`], however small b is.
-    fn relative_tolerance(&self) -> f64 {
-        let relative = if self.b_norm > 0.0 { self.tolerance / self.b_norm } else { 0.0 };
-        if self.loose { relative } else { relative.min(WITHIN) }
-    }
-
     /// Hands x over, after a refresh if the solve did not converge.
     ///
     /// # Errors
@@ -217,7 +208,7 @@ impl Iterate {
             inconsistency: None,
             rank: None,
             null_residual: None,
-            tolerance: self.relative_tolerance(),
+            tolerance: if self.loose && self.b_norm > 0.0 { self.tolerance / self.b_norm } else { 0.0 },
             refreshed: self.refreshed,
             fallbacks: self.fallbacks,
             ..Info::trivial(0.0)
