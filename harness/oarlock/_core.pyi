@@ -46,6 +46,9 @@ class Info:
     def margin(self) -> float | None:
         """How many times the eigenvalue nearest to the rank cut is larger or smaller than that."""
     @property
+    def tolerance(self) -> float:
+        """Residual that a test looser than the default may leave, relative to b."""
+    @property
     def risen(self) -> bool:
         """Whether a rank that was held rose."""
     @property
@@ -112,6 +115,11 @@ class ConstrainedSystem:
 
         Raises:
             InputError: nothing was assembled, or it has no answer.
+        """
+    def confirm(self, info: Info, qacc: _Numbers, reference: _Numbers) -> Info:
+        """The figures of an inaccurate solve, as converged where each entry of its acceleration (nv) keeps the promise.
+
+        ``reference`` is the acceleration (nv) of the reference's multipliers.
         """
     def force(self, multipliers: _Numbers) -> _Vector:
         """Jᵀ λ (nv) of λ (n)."""

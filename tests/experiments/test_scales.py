@@ -8,13 +8,15 @@ import pytest
 from mechanisms import four_bar, only, write_model
 
 CLOSED = 1e-8
-"""m or rad. What an exact run may leave open: projected ones leave rounding, 1e-15 of a metre times coefficients of 1e5."""
+"""m or rad. What an exact run may leave open: a projected one leaves rounding times coefficients of 1e5."""
 
 SECONDS = 0.5
 
 SCREW = """<worldbody>
   <body name="screw" pos="3 0 0"><joint name="screw" axis="0 0 1"/><geom type="sphere" size=".01" mass=".01"/></body>
-  <body name="nut" pos="3 0 1"><joint name="nut" type="slide" axis="0 0 1"/><geom type="sphere" size=".02" mass=".05"/></body>
+  <body name="nut" pos="3 0 1">
+    <joint name="nut" type="slide" axis="0 0 1"/><geom type="sphere" size=".02" mass=".05"/>
+  </body>
 </worldbody>
 <equality><joint joint1="screw" joint2="nut" polycoef="0 12566.37 0 0 0"/></equality>"""
 

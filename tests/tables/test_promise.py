@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 import pytest
-from oarlock.tables.promise import ENERGY_BOUND, ERROR_BOUND, ended
+from oarlock.tables.promise import ENERGY_BOUND, ERROR_BOUND, doubts, ended
 from oarlock.tables.schema import SCHEMA, RunKey
 from oarlock.tables.spool import Spool
 
@@ -68,3 +68,16 @@ def test_energy_binds_exact_runs_of_higher_order(key):
 
 def test_what_is_rounding_of_a_mechanism_at_rest_is_no_drift():
     assert end(energy=[5.0, 5.0 + 1e-15], kinetic_energy=[1e-30, 1e-30]) == ("done", "")
+
+
+def test_doubts_name_the_worst_run_and_the_first_event():
+    rows = [
+        {"run": "a", "rank_margin_min": 1e9, "rank_rises": 0, "rank_rises_at_s": None},
+        {"run": "b", "rank_margin_min": 400.0, "rank_rises": 2, "rank_rises_at_s": 0.25},
+        {"run": "c", "rank_margin_min": 9e3, "rank_rises": 1, "rank_rises_at_s": 0.125},
+        {"run": "mujoco", "rank_margin_min": None, "rank_rises": None, "rank_rises_at_s": None},
+    ]
+    near, risen = doubts(rows)
+    assert near.startswith("the rank cut decides in 2 of 4 runs: in b an eigenvalue comes within a factor of 400 of it")
+    assert risen.startswith("the rank of the start rises in 2 of 4 runs: in c first at t = 0.125 s")
+    assert doubts([rows[0], rows[3]]) == []

@@ -76,7 +76,7 @@ DEFAULT_ENDINGS = [
     Ending(
         status="unconverged",
         where={"mode": "lockstep", "walker": "mujoco", "solver": "sr1"},
-        cause="its test is absolute: what redundant rows of open loops contradict by is beyond it, and a small b is below it",
+        cause="its test is absolute: rows of open loops contradict one another by more, and a small b is below it",
     )
 ]
 """Endings of a case that names none."""

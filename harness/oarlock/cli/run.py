@@ -18,6 +18,7 @@ from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
 from oarlock.experiments.outcome import COLUMNS, Results, glance
 from oarlock.render.folder import CONTENTS, require_report
+from oarlock.tables.promise import doubts
 
 
 def _print_summary(results: Results) -> None:
@@ -89,6 +90,8 @@ def run(
         if row["status"] != "done":
             expected = "" if row in lost else "; the case expects that"
             say(f"oarlock: run {row['run']} {row['status']}: {row['message']}{expected}")
+    for doubt in doubts(results.rows):
+        say(f"oarlock: {doubt}")
     for verdict in results.failures:
         say(f"oarlock: gate failed: {verdict.line()}")
     unchecked = sum(verdict.held is None for verdict in results.verdicts)

@@ -7,6 +7,7 @@ from typing import Any
 from oarlock.base.numbers import figure
 from oarlock.render.template import cell
 from oarlock.report.tables import Tables
+from oarlock.tables.promise import doubts
 
 Row = dict[str, Any]
 
@@ -62,7 +63,19 @@ class Compared:
 
 def statements(tables: Tables, compared: Compared) -> list[str]:
     """What a report says first, a paragraph of Markdown each; what there are no runs for is left out."""
-    every = (_gates, _ignored, _stepping, _matched, _exact, _curvature, _projection, _iterations, _in_the_loop, _claims)
+    every = (
+        _gates,
+        _ignored,
+        _ranks,
+        _stepping,
+        _matched,
+        _exact,
+        _curvature,
+        _projection,
+        _iterations,
+        _in_the_loop,
+        _claims,
+    )
     return [said for make in every for said in make(tables, compared)]
 
 
@@ -79,6 +92,11 @@ def _gates(tables: Tables, _: Compared) -> Iterator[str]:
 def _ignored(tables: Tables, _: Compared) -> Iterator[str]:
     if "inequalities_ignored" in tables.provenance:
         yield f"**Inequalities ignored:** {cell(tables.provenance['inequalities_ignored'])}."
+
+
+def _ranks(tables: Tables, _: Compared) -> Iterator[str]:
+    for doubt in doubts(tables.rows):
+        yield f"**Rank in doubt:** {doubt}."
 
 
 def _stepping(_: "Tables", compared: Compared) -> Iterator[str]:

@@ -59,6 +59,9 @@ class Question:
         """Solves for the multipliers and computes the accelerations and forces that follow."""
         multipliers, info = self.solve(solver)
         qacc, qfrc = self._inertia.acceleration(self.state.data, multipliers)
+        if info.status == "inaccurate":
+            least, _ = self._inertia.acceleration(self.state.data, self.reference(solver)[0])
+            info = self._inertia.system.confirm(info, qacc, least)
         return Answer(multipliers, qacc, qfrc, info)
 
 

@@ -22,6 +22,11 @@ ENERGY_NOISE = 1e-9
 """Of the largest energy. Less is rounding, which is all that a mechanism at rest has."""
 
 
+DOUBTFUL = 1e4
+"""Factor between the rank cut and the eigenvalue next to it, below which the cut decides and not the mechanism: a length or
+an axis that is off by 1e-6 moves an eigenvalue by that much."""
+
+
 ERROR_BOUND = 0.1
 """rad or m, by a run's own estimate. A mechanism that is so far off is in another pose; most runs are a million times
 better, and one that passes by a singular pose too coarsely ends anywhere."""
@@ -65,6 +70,26 @@ def ended(key: RunKey, steps: Spool, message: str) -> tuple[str, str]:
     if unconverged:
         return "unconverged", f"{unconverged} of {solves} solves did not converge"
     return "done", ""
+
+
+def doubts(rows: list[dict[str, Any]]) -> list[str]:
+    """What the rows of a summary say of ranks that are not beyond doubt, a sentence a kind."""
+    found = []
+    near = [row for row in rows if (row.get("rank_margin_min") or math.inf) < DOUBTFUL]
+    if near:
+        worst = min(near, key=lambda row: row["rank_margin_min"])
+        found.append(
+            f"the rank cut decides in {len(near)} of {len(rows)} runs: in {worst['run']} an eigenvalue comes within a "
+            f"factor of {figure(max(worst['rank_margin_min'], 1.0))} of it, expected {DOUBTFUL:g} and more"
+        )
+    risen = [row for row in rows if row.get("rank_rises")]
+    if risen:
+        first = min(risen, key=lambda row: row["rank_rises_at_s"])
+        found.append(
+            f"the rank of the start rises in {len(risen)} of {len(rows)} runs: in {first['run']} first at "
+            f"t = {figure(first['rank_rises_at_s'])} s, for more stands there than open rows explain"
+        )
+    return found
 
 
 def unexpected(case: Case, row: dict[str, Any]) -> bool:

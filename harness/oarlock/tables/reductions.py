@@ -44,6 +44,11 @@ def smallest(column: str) -> Reduction:
     return Reduction((pl.col(column).min(),))
 
 
+def time_of_first(column: str) -> Reduction:
+    """When the column was first more than zero, s."""
+    return Reduction((pl.col("time_s").filter(pl.col(column) > 0).first(),))
+
+
 def total(column: str) -> Reduction:
     """The sum; 0 of nothing."""
     return Reduction((pl.col(column).sum(),), int)

@@ -76,6 +76,7 @@ WHOLE = Tolerance("structure", "neither", 0.0, 0.0, "a whole number")
 MARGIN = Tolerance(
     "structure", "neither", 9.0, 1e4, "how far an eigenvalue stays from the rank cut, where it comes within 1e4 of it"
 )
+EVENT = Tolerance("structure", "neither", 0.01, 1e-9, "when something happens: steps are not finer")
 MOVED = Tolerance("structure", "neither", 0.01, 1e-9, "how far closing moved the start")
 LENGTH = Tolerance("status", "neither", 0.0, 0.0, "a whole number")
 TIME = Tolerance("timing", "smaller", math.inf, 0.0, "reported; judged only with a factor")

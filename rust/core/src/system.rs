@@ -8,8 +8,8 @@ mod scale;
 
 use std::mem;
 
-pub use self::judge::ACCURATE;
 use self::judge::Judges;
+pub use self::judge::PROMISED;
 use self::scale::{exponent_of_factor, exponent_of_small, power_of_two};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, Wanted};
+use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, Status, Wanted};
 
 use crate::error::Error;
 use crate::library::Data;
@@ -21,6 +21,9 @@ pub struct Answer {
     pub info: Info,
     /// Wall time of the solve alone; zero where it is not taken.
     pub elapsed: Duration,
+    /// Multipliers of the judge, and the force and acceleration that they give, where the answer is in doubt.
+    least: Vec<f64>,
+    other: [Vec<f64>; 2],
     /// Whether it is taken, and the solver held to its word: a look at the clock costs as much as a small solve.
     pub recorded: bool,
 }
@@ -35,6 +38,8 @@ impl Answer {
             qfrc: vec![0.0; nv],
             info: Info::trivial(0.0),
             elapsed: Duration::ZERO,
+            least: Vec::new(),
+            other: [Vec::new(), Vec::new()],
             recorded: true,
         }
     }
@@ -57,7 +62,17 @@ impl Answer {
         if self.recorded {
             system.check(solver, &self.multipliers, &mut self.info)?;
         }
-        state.acceleration(data, system, &self.multipliers, &mut self.qfrc, &mut self.qacc)
+        state.acceleration(data, system, &self.multipliers, &mut self.qfrc, &mut self.qacc)?;
+        if self.info.status == Status::Inaccurate {
+            self.least.clear();
+            self.least.extend_from_slice(system.reference(solver)?.0);
+            self.other[0].resize(self.qacc.len(), 0.0);
+            self.other[1].resize(self.qacc.len(), 0.0);
+            let [qfrc, qacc] = &mut self.other;
+            state.acceleration(data, system, &self.least, qfrc, qacc)?;
+            system.confirm(&self.qacc, qacc, &mut self.info);
+        }
+        Ok(())
     }
 }
 

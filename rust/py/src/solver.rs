@@ -15,6 +15,7 @@ use crate::system::ConstrainedSystem;
 
 /// The figures of one solve; a figure that the solver cannot know is None.
 #[pyclass(frozen, get_all, module = "oarlock._core")]
+#[derive(Clone)]
 pub struct Info {
     /// converged, iteration-limit, breakdown or inaccurate.
     status: &'static str,
@@ -32,6 +33,8 @@ pub struct Info {
     null_residual: Option<f64>,
     /// How many times the eigenvalue nearest to the rank cut is larger or smaller than that.
     margin: Option<f64>,
+    /// Residual that a test looser than the default may leave, relative to b.
+    tolerance: f64,
     /// Whether a rank that was held rose.
     risen: bool,
     /// Whether the carried pseudo-inverse was recomputed.
@@ -60,6 +63,18 @@ impl Info {
 }
 
 impl Info {
+    /// The same figures, looked at again by `look` where the solve was inaccurate.
+    pub fn reviewed(&self, look: impl FnOnce(&mut core::Info)) -> Self {
+        let mut info = core::Info { tolerance: self.tolerance, ..core::Info::trivial(0.0) };
+        info.status = core::Status::Inaccurate;
+        let mut copy = self.clone();
+        if copy.status == info.status.name() {
+            look(&mut info);
+            copy.status = info.status.name();
+        }
+        copy
+    }
+
     pub fn new(info: core::Info, elapsed: Duration) -> Self {
         Self {
             status: info.status.name(),
@@ -70,6 +85,7 @@ impl Info {
             rank: info.rank,
             null_residual: info.null_residual,
             margin: info.margin,
+            tolerance: info.tolerance,
             risen: info.risen,
             refreshed: info.refreshed,
             fallbacks: info.fallbacks,

@@ -116,6 +116,14 @@ impl ConstrainedSystem {
         Ok((PyArray1::from_slice(py, multipliers), Info::new(*info, Duration::ZERO)))
     }
 
+    /// The figures of a solve that is inaccurate in the norm of M, as converged where every entry of its acceleration (nv) is
+    /// within the promise of the reference's.
+    fn confirm(&self, info: &Info, qacc: &Bound<'_, PyAny>, reference: &Bound<'_, PyAny>) -> PyResult<Info> {
+        let (qacc, reference) = (vector("qacc", qacc)?, vector("reference", reference)?);
+        let (system, qacc, reference) = (self.take()?, qacc.as_slice()?, reference.as_slice()?);
+        Ok(info.reviewed(|info| system.confirm(qacc, reference, info)))
+    }
+
     /// Jᵀ λ (nv) of λ (n).
     fn force<'py>(
         &self,

@@ -95,6 +95,12 @@ impl Blocks {
         &self.rows[first..self.ends[block]]
     }
 
+    /// Returns the block that touches a velocity; none of a system that was given as dense (A, b).
+    #[must_use]
+    pub fn owner(&self, velocity: usize) -> Option<usize> {
+        self.owners.get(velocity).copied().flatten()
+    }
+
     /// Returns the largest number of rows that a block has.
     #[must_use]
     pub fn largest(&self) -> usize {

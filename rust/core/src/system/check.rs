@@ -1,6 +1,6 @@
 //! Statuses that are promises: an answer is held against that of a judge.
 
-use super::judge::{ACCURATE, Judges, ROUNDING};
+use super::judge::{CERTAIN, Judges, PROMISED, ROUNDING};
 use super::{ConstrainedSystem, power_of_two};
 use crate::error::Error;
 use crate::info::{Info, Status};
@@ -23,8 +23,11 @@ impl ConstrainedSystem {
     }
 
     /// Holds a solver to its word: an answer with the status [`Converged`](Status::Converged) whose acceleration is off by more than
-    /// [`ACCURATE`], or by more than its own tolerance allows, becomes [`Inaccurate`](Status::Inaccurate). A direct solver is
-    /// taken at its word.
+    /// [`PROMISED`], or by more than a tolerance that is looser allows, becomes [`Inaccurate`](Status::Inaccurate). A direct
+    /// solver is taken at its word.
+    ///
+    /// Without M, which a factored step keeps to itself, accelerations are measured in its norm, and so strictly that entries
+    /// are right for certain; [`confirm`](Self::confirm) then looks at them one by one.
     ///
     /// # Errors
     /// Those of [`solve`](Self::solve), of the judge.
@@ -48,7 +51,7 @@ impl ConstrainedSystem {
         for (gap, reference) in judges.gap.iter_mut().zip(reference) {
             *gap = scale * *gap - reference;
         }
-        let allowed = ACCURATE.max(ALLOWED * info.tolerance);
+        let allowed = CERTAIN.max(ALLOWED * info.tolerance);
         let problem = self.problem(Wanted::Multipliers);
         let blocks = || (0..problem.blocks.len()).map(|block| problem.blocks.of(block));
         let Judges { all, work, scales, gap } = &mut judges;
@@ -71,7 +74,52 @@ impl ConstrainedSystem {
         self.judges = judges;
         if wrong {
             info.status = Status::Inaccurate;
+            self.confirm_by_mass(at, multipliers, info)?;
         }
+        Ok(())
+    }
+
+    /// Takes [`Inaccurate`](Status::Inaccurate) back where every entry of an acceleration (`nv`) is within the promise of the
+    /// [`reference`](Self::reference)'s, block by block.
+    pub fn confirm(&self, qacc: &[f64], reference: &[f64], info: &mut Info) {
+        if info.status != Status::Inaccurate || self.blocks.is_empty() {
+            return;
+        }
+        let size = |entries: &[f64], block: usize| {
+            let own = entries
+                .iter()
+                .enumerate()
+                .filter(|&(velocity, _)| self.blocks.owner(velocity) == Some(block));
+            own.fold(0.0_f64, |most, (_, entry)| most.max(entry.abs()))
+        };
+        let start = self.unconstrained.as_slice();
+        let scale = |block: usize| size(reference, block).max(size(start, block));
+        let most = (0..self.blocks.len()).map(scale).fold(0.0, f64::max);
+        let allowed = PROMISED.max(ALLOWED * info.tolerance);
+        let right = (0..self.blocks.len()).all(|block| {
+            let bound = allowed * scale(block) + ROUNDING * most;
+            qacc.iter()
+                .zip(reference)
+                .enumerate()
+                .filter(|&(velocity, _)| self.blocks.owner(velocity) == Some(block))
+                .all(|(_, (entry, reference))| (entry - reference).abs() <= bound)
+        });
+        if right {
+            info.status = Status::Converged;
+        }
+    }
+
+    /// The same of a system that has M itself.
+    fn confirm_by_mass(&mut self, judge: usize, multipliers: &[f64], info: &mut Info) -> Result<(), Error> {
+        if self.mass_factor.is_empty() {
+            return Ok(());
+        }
+        let nv = self.nv();
+        let (mut qfrc, mut qacc, mut reference) = (vec![0.0; nv], vec![0.0; nv], vec![0.0; nv]);
+        let least = self.judges.all[judge].multipliers.clone();
+        self.acceleration(multipliers, &mut qfrc, &mut qacc)?;
+        self.acceleration(&least, &mut qfrc, &mut reference)?;
+        self.confirm(&qacc, &reference, info);
         Ok(())
     }
 

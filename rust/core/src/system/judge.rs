@@ -12,10 +12,12 @@ use crate::solvers::pinv::{Pinv, PinvParams};
 use crate::solvers::solver::{MultiplierSolver, Solver};
 use crate::solvers::svd::{Svd, SvdParams};
 
-/// Error of an acceleration in the norm of M, relative to what the constraints of its block make of it, up to which it is right.
-/// Direct solvers leave √cond ε, 1e-11 at the rank cut. Entry by entry that is within 1e-6, also where light bodies hang on
-/// heavy ones.
-pub const ACCURATE: f64 = 5e-8;
+/// What `converged` promises: the error of an acceleration, relative to the largest of its block, entry by entry.
+pub const PROMISED: f64 = 1e-6;
+
+/// The same in the norm of M, relative to what the constraints of its block make of it, where entries are within the promise for
+/// certain, also where light bodies hang on heavy ones. Direct solvers leave √cond ε, 1e-11 at the rank cut.
+pub(super) const CERTAIN: f64 = 5e-8;
 
 /// Part of the largest block's acceleration below which that of another one is rounding.
 pub(super) const ROUNDING: f64 = 1e-13;
