@@ -103,11 +103,11 @@ class ConstrainedSystem:
         Raises:
             InputError: shapes, what is no finite real number, R negative.
         """
-    def hold_rank(self, gap: float, constraints: list[int]) -> None:
+    def hold_rank(self, gaps: _Numbers, constraints: list[int]) -> None:
         """Says how far the rows of the next step stand open, and asks to hold the rank along the path.
 
         Args:
-            gap: largest deviation of a row, as a part of the extent of the mechanism.
+            gaps: deviation of each row, as a part of the length that it turns on, (n).
             constraints: number of the constraint that each row belongs to, (n).
         """
     def reference(self, solver: MultiplierSolver) -> tuple[_Vector, Info]:

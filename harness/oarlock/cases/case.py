@@ -113,7 +113,7 @@ def load_case(model: str | Path) -> Case:
         case_path = path.parent / "case.toml"
         if path.stem == "model" and case_path.is_file():
             return Case(path.resolve().parent.name, path, read_case_file(case_path), given)
-        return Case(path.stem, path, CaseFile(title=path.stem), given)
+        return Case(path.stem, path, CaseFile(title=path.stem, endings=[]), given)
     folder = MODELS / text if text in model_names() else path
     if folder.is_file():
         raise InputError(f"'{path}', expected a model's name, its folder, or an MJCF file whose name ends in .xml")

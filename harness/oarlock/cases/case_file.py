@@ -278,7 +278,7 @@ class Experiment(_Table):
 
 DEFAULT_EXPERIMENTS = [
     Experiment(mode="calibration"),
-    Experiment(mode="lockstep", forms=["matched", "hard"], solvers=["pinv", "auto", "sr1"]),
+    Experiment(mode="lockstep", forms=["matched", "hard"], solvers=["pinv", "auto", "sr1-tracked"]),
     Experiment(mode="free", forms=["matched", "hard"], solvers=["mujoco", "pinv"]),
 ]
 """Experiments of a case that names none."""

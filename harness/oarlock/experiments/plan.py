@@ -29,7 +29,7 @@ def plan(case: Case, options: RunOptions = CASE) -> list[Task]:
                     "mode": mode,
                     "walker": options.walker or MUJOCO,
                     "forms": forms,
-                    "solvers": list(options.solvers) or ["pinv", "auto", "sr1"],
+                    "solvers": list(options.solvers) or ["pinv", "auto", "sr1-tracked"],
                     "integrators": [options.integrator] if options.integrator else None,
                     "stabilisation": options.stabilisation,
                 }

@@ -3,7 +3,6 @@
 import mujoco
 import numpy as np
 
-from oarlock.base.arrays import largest
 from oarlock.base.core import ConstrainedSystem
 
 
@@ -18,6 +17,14 @@ def whiten(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.n
     return found
 
 
+_ANGULAR = {
+    int(mujoco.mjtJoint.mjJNT_FREE): (3, 6),
+    int(mujoco.mjtJoint.mjJNT_BALL): (0, 3),
+    int(mujoco.mjtJoint.mjJNT_HINGE): (0, 1),
+}
+"""Kind of joint → which of its velocities are angular."""
+
+
 class Inertia:
     """Assembles systems of one model's states, and goes the way back from their multipliers.
 
@@ -30,6 +37,10 @@ class Inertia:
         self._model = model
         self._unconstrained = np.zeros(model.nv)
         self._change = np.zeros((1, model.nv))
+        self._turns = np.zeros(model.nv, dtype=bool)
+        for kind, first in zip(model.jnt_type.tolist(), model.jnt_dofadr.tolist(), strict=True):
+            start, end = _ANGULAR.get(kind, (0, 0))
+            self._turns[first + start : first + end] = True
 
     def assemble(
         self,
@@ -48,10 +59,22 @@ class Inertia:
         self.system.assemble_factored(factored, jacobian, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained
 
-    def hold_rank(self, data: mujoco.MjData) -> None:
-        """Asks to hold the rank of the equality rows along the path that a state is on, in the next ``assemble``."""
-        gap = largest(data.efc_pos[: data.ne]) / self._model.stat.extent
-        self.system.hold_rank(float(gap), data.efc_id[: data.ne].tolist())
+    def hold_rank(self, data: mujoco.MjData, jacobian: np.ndarray) -> None:
+        """Asks to hold the rank of the equality rows J (ne, nv) in the next ``assemble``, along the path of a state.
+
+        A row of a connect tilts by its gap over the longest lever of a joint that moves it, a rotation by its gap. Rows
+        of joint equalities do not turn.
+        """
+        owners = data.efc_id[: data.ne]
+        gaps = np.abs(data.efc_pos[: data.ne])
+        levers = np.abs(jacobian[:, self._turns]).max(axis=1, initial=0.0)
+        for owner in dict.fromkeys(owners.tolist()):
+            own = np.flatnonzero(owners == owner)
+            kind = self._model.eq_type[owner]
+            moved = own[:3] if kind == mujoco.mjtEq.mjEQ_WELD else own
+            length = float(levers[moved].max(initial=0.0))
+            gaps[moved] = 0.0 if length == 0.0 or kind == mujoco.mjtEq.mjEQ_JOINT else gaps[moved] / length
+        self.system.hold_rank(gaps, owners.tolist())
 
     def acceleration(self, data: mujoco.MjData, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Acceleration a₀ + M⁻¹ Jᵀ λ and constraint force Jᵀ λ, both (nv), of multipliers λ (n)."""

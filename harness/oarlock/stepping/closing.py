@@ -19,6 +19,10 @@ CLOSED = 1e-12
 """Largest deviation of a row of a closed loop, m or rad: about 1000 rounding errors of a length of 1 m, so that a start
 that is already consistent is not changed."""
 
+CONSISTENT = 1e-6
+"""m or rad, and per s: what six digits of a file leave open where they cannot be closed beyond, and far less than a
+soft loop opens by itself."""
+
 MAX_STEPS = 50
 TRUST = 0.5
 """Largest Newton step of a coordinate, rad or m."""

@@ -79,7 +79,7 @@ def solving(infos: Sequence[Info], known: Info) -> Row:
         "rank": known.rank,
         "inconsistency": known.inconsistency,
         "rank_margin": finite(known.margin),
-        "rank_rises": int(known.risen),
+        "rank_rises": int(known.risen or any(info.risen for info in infos)),
     }
 
 

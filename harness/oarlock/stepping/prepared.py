@@ -15,6 +15,8 @@ from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.observed import Observed
 from oarlock.mechanics.prepare import load_mechanism
+from oarlock.stepping.closing import CONSISTENT
+from oarlock.stepping.projection import gap
 from oarlock.stepping.published import PublishedValues
 from oarlock.stepping.start import ConsistentStart, consistent_start
 
@@ -51,6 +53,7 @@ class Prepared:
         timestep_s: of the model.
         observed: the joint or site that an outside truth speaks of; None without one.
         published: what is printed for some of the steps.
+        left: what the rows of the start leave open where they contradict one another, m or rad; 0 if it is merely open.
         conserves_energy: whether energies of a free run are worth noting.
     """
 
@@ -86,6 +89,13 @@ class Prepared:
         self.published = published or PublishedValues(model, (), "")
         self.conserves_energy = Energy(model).conserved
         self._trajectory = trajectory
+        self.left = self._left()
+
+    def _left(self) -> float:
+        data = self.data()
+        mujoco.mj_fwdPosition(self.model, data)
+        left = gap(data)
+        return left if left <= CONSISTENT else 0.0
 
     def data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
         """A fresh data at the start, of the model itself or of a copy."""

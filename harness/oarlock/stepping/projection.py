@@ -74,12 +74,16 @@ class Projector:
         model: the model.
         rank_cut: eigenvalues below this part of the largest count as zero; None for the solver's default.
         solver: specification of the solver.
+        left: what the rows of a closed pose leave open where they contradict one another, m or rad; twice that still
+            counts as closed.
 
     Raises:
         InputError: the solver has an unknown option or a value out of range.
     """
 
-    def __init__(self, model: mujoco.MjModel, rank_cut: float | None = None, solver: SolverSpec = TRACKED):
+    def __init__(
+        self, model: mujoco.MjModel, rank_cut: float | None = None, solver: SolverSpec = TRACKED, left: float = 0.0
+    ):
         self.model = model
         self.rank = 0
         """Rank of A at the last correction."""
@@ -91,7 +95,9 @@ class Projector:
         # A row is the difference of two positions, and each is rounded.
         self._rounding = 2.0 * _EPSILON * float(model.stat.extent + np.abs(model.stat.center).max())
         self._solves = self._iterations = 0
-        self._gone = 0.0
+        self._gone, self._left = 0.0, left
+        single = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
+        self._dofs, self._coordinates = model.jnt_dofadr[single], model.jnt_qposadr[single]
 
     def correction(self, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0) -> np.ndarray:
         """Computes δ = M⁻¹ Jᵀ A⁺ c (nv), the least-squares solution of J δ = c with the smallest ½ δᵀ M δ.
@@ -103,7 +109,7 @@ class Projector:
         """
         jacobian = closing_jacobian(self.model, data)
         softness = np.full(len(wanted), damping) if damping else None
-        self._inertia.hold_rank(data)
+        self._inertia.hold_rank(data, jacobian)
         self._inertia.assemble(data, jacobian, self._zero, wanted, softness)
         multipliers, info = self._solver.solve_system(self._inertia.system)
         self.rank = info.rank or 0
@@ -136,8 +142,8 @@ class Projector:
         model, given, total = self.model, data.qpos.copy(), np.zeros(self.model.nv)
         rounds = 0
         mujoco.mj_fwdPosition(model, data)
-        error = gap(data)
-        while error > self._rounding and rounds < MAX_ROUNDS:
+        error, rounding = gap(data), self._rounding_at(data)
+        while error > rounding and rounds < MAX_ROUNDS:
             step = self.correction(data, -data.efc_pos[: data.ne])
             if not np.abs(total + step).max() <= trust:
                 self._place(data, given)
@@ -151,8 +157,19 @@ class Projector:
                 break
             error, rounds = after, rounds + 1
             total += step
-        status: Status = "landed" if error <= LANDED * self._rounding else "open"
+        status: Status = "landed" if error <= max(LANDED * rounding, 2.0 * self._left) else "open"
         return status, rounds, float(np.abs(total).max(initial=0.0))
+
+    def _rounding_at(self, data: mujoco.MjData) -> float:
+        """What rounding leaves open: of a point, of the mechanism's place; of a coupling, of what it adds up."""
+        kinds = self.model.eq_type[data.efc_id[: data.ne]]
+        coupled = np.isin(kinds, (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON))
+        if not coupled.any():
+            return self._rounding
+        size = np.zeros(self.model.nv)
+        size[self._dofs] = np.abs(data.qpos[self._coordinates])
+        parts = times(np.abs(closing_jacobian(self.model, data)[coupled]), size)
+        return max(self._rounding, 2.0 * _EPSILON * float(parts.max()))
 
     def _place(self, data: mujoco.MjData, qpos: np.ndarray) -> None:
         data.qpos[:] = qpos

@@ -216,7 +216,7 @@ class Halved:
         model = unsolved(prepared.model, 0.5 * prepared.timestep_s)
         data = prepared.data(model)
         force = SolvedForce(State(model, data, terms), "hard", solver)
-        last = Projector(model, solver=projector) if projector else None
+        last = Projector(model, solver=projector, left=prepared.left) if projector else None
         self._walker = ForcedWalker(model, data, prepared.drive, force, last)
         # The whole error over the part of it that halving takes away (Richardson).
         finer = 2.0 ** integrator_of(model).order
@@ -292,7 +292,7 @@ class Lockstep:
         model, data = prepared.model, prepared.data()
         self._state = State(model, data, terms)
         self._force = None if leader is None else SolvedForce(self._state, "hard", leader)
-        self._projector = Projector(model, solver=projector) if projector and leader else None
+        self._projector = Projector(model, solver=projector, left=prepared.left) if projector and leader else None
         self.walker: Walker = MujocoWalker(model, data)
         if self._force is not None:
             self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
@@ -409,7 +409,7 @@ class FreeSolved:
         data = prepared.data(model)
         self._state = State(model, data, terms)
         self._force = SolvedForce(self._state, form, solver)
-        self._projector = Projector(model, solver=projector) if projector else None
+        self._projector = Projector(model, solver=projector, left=prepared.left) if projector else None
         self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
         self._theirs, self._halved = Companion(prepared), halved
         self._energy = Energy(prepared.model)

@@ -44,7 +44,7 @@ class Question:
         """Assembles A and b from the state as it was last read."""
         state = self.state
         aref, softness = state.question(self.form)
-        self._inertia.hold_rank(state.data)
+        self._inertia.hold_rank(state.data, state.jacobian)
         self._inertia.assemble(state.data, state.jacobian, state.unconstrained, aref, softness)
 
     def solve(self, solver: core.MultiplierSolver) -> tuple[np.ndarray, core.Info]:

@@ -23,8 +23,8 @@ ENERGY_NOISE = 1e-9
 
 
 DOUBTFUL = 1e4
-"""Factor between the rank cut and the eigenvalue next to it, below which the cut decides and not the mechanism: a length or
-an axis that is off by 1e-6 moves an eigenvalue by that much."""
+"""Factor between the rank cut and the eigenvalue next to it, below which the cut decides and not the mechanism: a
+length or an axis that is off by 1e-6 moves an eigenvalue by that much."""
 
 
 ERROR_BOUND = 0.1

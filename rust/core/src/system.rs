@@ -48,8 +48,8 @@ pub struct ConstrainedSystem {
     rhs_exponent: i32,
     /// Constraint of every row; see [`set_constraints`](Self::set_constraints).
     constraints: Vec<usize>,
-    /// Gap of the next step; see [`hold_rank`](Self::hold_rank).
-    gap: Option<f64>,
+    /// Gaps of the next step; see [`hold_rank`](Self::hold_rank).
+    gaps: Vec<f64>,
     /// L; empty where the inertia is somebody else's.
     mass_factor: DMatrix<f64>,
     jacobian_t: DMatrix<f64>,
@@ -125,13 +125,15 @@ impl ConstrainedSystem {
         &self.blocks
     }
 
-    /// Says how far the rows of the next step stand open, as a part of the extent of the mechanism (the largest deviation of a
-    /// row over that extent), and asks to hold the rank along the path that the step belongs to.
+    /// Says how far each row (`n`) of the next step stands open, as a part of the length that it turns on (a metre of a connect
+    /// over the longest lever of a joint that moves it; 0 of a row that does not turn), and asks to hold the rank along the
+    /// path that the step belongs to.
     ///
     /// The first such step of a system decides the rank and should be closed to rounding. A later step without this
     /// call is cut on its own. See [`blocks`](crate::problem::blocks).
-    pub fn hold_rank(&mut self, gap: f64) {
-        self.gap = Some(if gap.is_finite() { gap } else { f64::MAX });
+    pub fn hold_rank(&mut self, gaps: &[f64]) {
+        self.gaps.clear();
+        self.gaps.extend(gaps.iter().map(|gap| gap.abs()));
     }
 
     /// Tells which constraint each row (`n`) of the steps to come belongs to: the three rows of a connect belong to one. Rows of a
@@ -183,7 +185,7 @@ impl ConstrainedSystem {
             return;
         }
         *self = Self {
-            gap: self.gap,
+            gaps: mem::take(&mut self.gaps),
             constraints: mem::take(&mut self.constraints),
             judges: mem::take(&mut self.judges),
             jacobian_t: DMatrix::zeros(nv, n),
@@ -353,13 +355,14 @@ impl ConstrainedSystem {
             // Only the envelope is written to from now on.
             self.dense.fill(0.0);
         }
-        if !self.blocks.hold(columns, nv, self.gap.is_some()) {
+        if !self.blocks.hold(columns, nv, !self.gaps.is_empty()) {
             self.blocks.find(columns, nv, self.fold.shares().map(|share| share.map(|(class, _)| class)));
             let known = self.constraints.len() == self.fold.rows();
             let representatives = self.fold.representatives().iter().filter(|_| known);
             self.blocks.set_constraints(representatives.map(|&row| self.constraints[row]));
         }
-        self.blocks.step(self.gap.take().filter(|_| self.softness.is_none()));
+        self.blocks.step(if self.softness.is_none() { &self.gaps } else { &[] });
+        self.gaps.clear();
     }
 
     /// b = aref − J a₀.

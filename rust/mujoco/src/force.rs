@@ -95,6 +95,8 @@ pub struct Tally {
     pub refreshes: i64,
     /// New folds.
     pub refolds: i64,
+    /// Whether a rank that was held rose.
+    pub risen: bool,
     /// Largest relative residual.
     pub residual_rel: f64,
     /// Wall time, ns.
@@ -117,6 +119,7 @@ impl Tally {
         // A new fold changes the size, and a solver has to start from something: that is counted apart.
         self.refreshes += i64::from(info.refreshed && !info.refolded);
         self.refolds += i64::from(info.refolded);
+        self.risen |= info.risen;
         self.residual_rel = self.residual_rel.max(info.residual_rel);
         self.solve_ns += i64::try_from(elapsed.as_nanos()).unwrap_or(i64::MAX);
     }

@@ -4,14 +4,6 @@ use oarlock_core::{ConstrainedSystem, FactoredStep};
 
 use crate::error::Error;
 use crate::library::Data;
-use crate::vectors::largest;
-
-/// Asks to hold the rank of the equality rows along the path that a data is on, with what the rows are of; `extent` (m) is the
-/// model's. A row in rad counts as one in m.
-pub fn hold_rank(data: &Data, extent: f64, system: &mut ConstrainedSystem) {
-    system.hold_rank(largest(data.pos()) / extent);
-    system.set_constraints(data.id().iter().map(|&equality| usize::try_from(equality).unwrap_or(usize::MAX)));
-}
 
 /// Assembles systems of one model's states, and goes the way back from their multipliers.
 #[derive(Debug, Clone)]

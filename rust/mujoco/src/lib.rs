@@ -41,6 +41,7 @@ pub mod drive;
 pub mod error;
 pub mod experiments;
 pub mod force;
+pub mod gaps;
 pub mod inertia;
 pub mod kinematics;
 pub mod library;

@@ -8,8 +8,9 @@
 use oarlock_core::{ConstrainedSystem, FactoredStep, MultiplierSolver, Wanted};
 
 use crate::error::Error;
-use crate::inertia::{Inertia, hold_rank};
-use crate::library::{Data, Jacobian, Model};
+use crate::gaps::Gaps;
+use crate::inertia::Inertia;
+use crate::library::{Data, EQ_JOINT, EQ_TENDON, Jacobian, Model};
 use crate::vectors::{largest, sum, times};
 
 /// Newton's rounds square the gap: from a gap that is worth projecting, three reach rounding.
@@ -71,6 +72,11 @@ pub struct Projector {
     /// rad or m: the way since rows were last closed.
     gone: f64,
     inertia: Inertia,
+    gaps: Gaps,
+    /// What the rows of a closed pose leave open where they contradict one another, m or rad.
+    left: f64,
+    /// Entry of qpos of each velocity that is the rate of one.
+    coordinates: Vec<Option<usize>>,
     zero: Vec<f64>,
     jacobian: Jacobian,
     wanted: Vec<f64>,
@@ -99,6 +105,9 @@ impl Projector {
             iterations: 0,
             gone: 0.0,
             inertia: Inertia::new(nv),
+            gaps: Gaps::new(model),
+            left: 0.0,
+            coordinates: coordinates(model),
             zero: vec![0.0; nv],
             jacobian: Jacobian::default(),
             wanted: Vec::new(),
@@ -113,10 +122,39 @@ impl Projector {
         }
     }
 
+    /// The same, which takes rows for closed that stand open by no more than twice this, m or rad: what is left of them at
+    /// the start, where they contradict one another.
+    #[must_use]
+    pub const fn leaving(mut self, left: f64) -> Self {
+        self.left = left;
+        self
+    }
+
     /// One for states of another copy of the model, with a solver that starts as this one's stands.
     #[must_use]
     pub fn twin(&self, model: &Model) -> Self {
-        Self::new(model, self.solver.clone_box())
+        Self::new(model, self.solver.clone_box()).leaving(self.left)
+    }
+
+    /// What rounding leaves open: of a point, of the mechanism's place; of a coupling, of the coordinates that it adds up.
+    fn rounding(&mut self, data: &Data) -> f64 {
+        let kinds = data.model().eq_type();
+        let coupled =
+            |owner: &i32| matches!(kinds[usize::try_from(*owner).unwrap_or(0)], EQ_JOINT | EQ_TENDON);
+        if !data.id().iter().any(coupled) {
+            return self.rounding;
+        }
+        self.jacobian.read(data);
+        let nv = self.coordinates.len();
+        let mut most = self.rounding;
+        let rows = self.jacobian.entries().chunks_exact(nv).zip(data.id());
+        for (row, _) in rows.filter(|(_, owner)| coupled(owner)) {
+            let part = |(entry, at): (&f64, &Option<usize>)| {
+                at.map_or(0.0, |at| entry.abs() * data.qpos()[at].abs())
+            };
+            most = most.max(2.0 * f64::EPSILON * sum(row.iter().zip(&self.coordinates).map(part)));
+        }
+        most
     }
 
     /// Projects positions, then velocities; leaves the position stage valid. `gone` is how far a coordinate may have gone in
@@ -146,8 +184,9 @@ impl Projector {
         self.total.fill(0.0);
         let mut rounds = 0;
         data.position_stage()?;
+        let rounding = self.rounding(data);
         let mut error = largest(data.pos());
-        while error > self.rounding && rounds < MAX_ROUNDS {
+        while error > rounding && rounds < MAX_ROUNDS {
             self.wanted.clear();
             self.wanted.extend(data.pos().iter().map(|deviation| -deviation));
             self.correct(data)?;
@@ -172,7 +211,8 @@ impl Projector {
             (error, rounds) = (after, rounds + 1);
             self.total.copy_from_slice(&self.sums);
         }
-        let landing = if error <= LANDED * self.rounding { Landing::Landed } else { Landing::Open };
+        let landing =
+            if error <= (LANDED * rounding).max(2.0 * self.left) { Landing::Landed } else { Landing::Open };
         Ok((landing, rounds, largest(&self.total)))
     }
 
@@ -211,7 +251,7 @@ impl Projector {
     /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ.
     fn correct(&mut self, data: &mut Data) -> Result<(), Error> {
         self.jacobian.read(data);
-        hold_rank(data, data.model().extent(), &mut self.system);
+        self.gaps.hold(data, self.jacobian.entries(), &mut self.system);
         let step = FactoredStep {
             jacobian: self.jacobian.entries(),
             unconstrained: &self.zero,
@@ -226,6 +266,18 @@ impl Projector {
         self.iterations += i64::try_from(info.iterations).unwrap_or(i64::MAX);
         self.inertia.acceleration(data, &mut self.system, &self.multipliers, &mut self.qfrc, &mut self.step)
     }
+}
+
+/// Entry of qpos of each velocity of a slide or hinge.
+fn coordinates(model: &Model) -> Vec<Option<usize>> {
+    let mut found = vec![None; model.nv()];
+    let joints = model.jnt_type().iter().zip(model.jnt_dofadr()).zip(model.jnt_qposadr());
+    for ((&kind, &dof), &address) in joints {
+        if let (2 | 3, Ok(dof), Ok(address)) = (kind, usize::try_from(dof), usize::try_from(address)) {
+            found[dof] = Some(address);
+        }
+    }
+    found
 }
 
 #[cfg(all(test, unix))]

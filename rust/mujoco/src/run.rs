@@ -33,6 +33,9 @@ impl Observed {
     }
 }
 
+/// m or rad: a start is closed as far as its rows allow up to this, what six digits of a file leave open.
+const CONSISTENT: f64 = 1e-6;
+
 /// What a run starts from and what is written down of it besides what it is for.
 #[derive(Clone)]
 pub struct Setup {
@@ -72,6 +75,17 @@ impl Setup {
         data.qpos_mut().copy_from_slice(&self.qpos);
         data.qvel_mut().copy_from_slice(&self.qvel);
         Ok(data)
+    }
+
+    /// What the rows of the start leave open where they contradict one another, m or rad; 0 of a start that is merely open.
+    ///
+    /// # Errors
+    /// Those of [`data`](Self::data), and [`Error::Mujoco`].
+    pub fn left(&self) -> Result<f64, Error> {
+        let mut data = self.data()?;
+        data.position_stage()?;
+        let left = largest(data.pos());
+        Ok(if left <= CONSISTENT { left } else { 0.0 })
     }
 
     /// The fields of its states.

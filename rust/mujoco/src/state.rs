@@ -5,7 +5,8 @@ use oarlock_core::{ConstrainedSystem, FactoredStep};
 
 use crate::curvature::Curvature;
 use crate::error::Error;
-use crate::inertia::{Inertia, hold_rank};
+use crate::gaps::Gaps;
+use crate::inertia::Inertia;
 use crate::library::{Data, Jacobian, Model};
 
 /// The form of a question.
@@ -37,7 +38,7 @@ pub struct State {
     jacobian: Jacobian,
     curvature: Vec<f64>,
     aref: Vec<f64>,
-    extent: f64,
+    gaps: Gaps,
 }
 
 impl State {
@@ -56,7 +57,7 @@ impl State {
             jacobian: Jacobian::default(),
             curvature: Vec::new(),
             aref: Vec::new(),
-            extent: model.extent(),
+            gaps: Gaps::new(model),
         })
     }
 
@@ -122,7 +123,7 @@ impl State {
             }
         }
         self.unconstrained.copy_from_slice(data.qacc_smooth());
-        hold_rank(data, self.extent, system);
+        self.gaps.hold(data, self.jacobian.entries(), system);
         let step = FactoredStep {
             jacobian: self.jacobian.entries(),
             unconstrained: &self.unconstrained,

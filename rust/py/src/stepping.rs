@@ -199,7 +199,9 @@ impl Setup {
 
 impl Setup {
     fn projector(&self, solver: Option<&MultiplierSolver>) -> PyResult<Option<Projector>> {
-        solver.map(|solver| Ok(Projector::new(&self.inner.model, solver.fresh()?))).transpose()
+        let Some(solver) = solver else { return Ok(None) };
+        let left = self.inner.left().map_err(|error| InputError::new_err(error.to_string()))?;
+        Ok(Some(Projector::new(&self.inner.model, solver.fresh()?).leaving(left)))
     }
 }
 

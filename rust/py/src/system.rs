@@ -96,11 +96,12 @@ impl ConstrainedSystem {
         py.detach(|| inner.assemble_factored(&step, &mut whiten)).map_err(input_error)
     }
 
-    /// Says how far the rows of the next step stand open, as a part of the extent of the mechanism, and asks to hold the rank
+    /// Says how far each row of the next step stands open, as a part of the length that it turns on, and asks to hold the rank
     /// along the path; `constraints` (n) are the numbers of the constraints that its rows belong to.
-    fn hold_rank(&self, gap: f64, constraints: Vec<usize>) -> PyResult<()> {
+    fn hold_rank(&self, gaps: &Bound<'_, PyAny>, constraints: Vec<usize>) -> PyResult<()> {
+        let gaps = vector("gaps", gaps)?;
         let inner = &mut *self.take()?;
-        inner.hold_rank(gap);
+        inner.hold_rank(gaps.as_slice()?);
         inner.set_constraints(constraints.into_iter());
         Ok(())
     }

@@ -15,11 +15,7 @@ from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.names import Equality, equalities
 from oarlock.mechanics.rows import closing_jacobian
-from oarlock.stepping.closing import close
-
-CONSISTENT = 1e-6
-"""m or rad, and per s: what six digits of a file leave open where they cannot be closed beyond, and far less than a
-soft loop opens by itself."""
+from oarlock.stepping.closing import CONSISTENT, close
 
 
 def anchors(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> tuple[np.ndarray, np.ndarray]:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import CONSISTENT, Assembly
+from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import Loops, loops_at
 from oarlock.mechanics.names import Equality
+from oarlock.stepping.closing import CONSISTENT
 
 TRIES = ((0.05, 4), (0.2, 6), (0.5, 10))
 """Where a pose is a dead end, others around it are tried: deviation in rad (m on slides, for a model of 1 m), number.

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
-from oarlock.diagnosis.loops.assembly import CONSISTENT, Assembly
+from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.gaps import (
     TRIES,
     Culprits,
@@ -21,6 +21,7 @@ from oarlock.diagnosis.loops.gaps import (
 from oarlock.diagnosis.loops.loops import Loops, loops_at
 from oarlock.diagnosis.loops.mobility import Mobility, Tilt, find_mobility, find_tilts
 from oarlock.mechanics.names import element_name
+from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.loops.assembly import CONSISTENT
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.loops.rank import CUT, NEAR
@@ -20,6 +19,7 @@ from oarlock.diagnosis.verdict import blame
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.names import element_name
+from oarlock.stepping.closing import CONSISTENT
 
 ROUNDED = 1e-5
 """m or rad, and per s: what six digits of a file leave open in a mechanism of some metres. No user's mistake."""

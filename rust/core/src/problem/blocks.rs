@@ -14,8 +14,8 @@ use crate::linalg::kernels::largest;
 use crate::problem::fold::FOLD_TOLERANCE;
 
 /// An eigenvalue of a redundant row, relative to the largest of its block, is explained by rows that stand open by a part δ of
-/// the mechanism's extent up to (DRIFT δ)². A row tilts by about gap over length of its link; links are up to some ten
-/// times shorter than the mechanism, and several rows add up.
+/// the lengths that they turn on up to (DRIFT δ)². A row tilts by about that part; the links between are up to some ten times
+/// shorter than the longest, and several rows add up.
 pub const DRIFT: f64 = 100.0;
 
 /// What a gap explains at most where a rank is decided for the first time, at a start that is closed as far as its rows allow:
@@ -45,8 +45,10 @@ pub struct Blocks {
     touching: Vec<Option<usize>>,
     /// Constraint that each row belongs to, where that is known; a row after folding and its constraint.
     constraints: Vec<usize>,
-    /// How far the rows stand open, relative to the extent of the mechanism; `None`: nothing is held.
-    gap: Option<f64>,
+    /// Whether ranks are held.
+    holding: bool,
+    /// How far the rows of each block stand open, relative to the lengths that they turn on.
+    gaps: Vec<f64>,
     /// Whether a held rank rose since the last [`step`](Self::step).
     risen: bool,
 }
@@ -64,10 +66,21 @@ impl Blocks {
         }
     }
 
-    /// Begins a step whose rows stand open by `gap`, relative to the extent of the mechanism.
-    pub(crate) const fn step(&mut self, gap: Option<f64>) {
-        self.gap = gap;
+    /// Begins a step whose rows before folding stand open by `gaps`, relative to the lengths that they turn on; without any
+    /// nothing is held.
+    pub(crate) fn step(&mut self, gaps: &[f64]) {
+        self.holding = !gaps.is_empty() && gaps.len() == self.unfolded.len();
         self.risen = false;
+        self.gaps.clear();
+        self.gaps.resize(self.ends.len(), 0.0);
+        if self.holding {
+            for (&gap, block) in gaps.iter().zip(&self.unfolded) {
+                if let Some(block) = *block {
+                    // A NaN explains everything.
+                    self.gaps[block] = if gap <= self.gaps[block] { self.gaps[block] } else { gap };
+                }
+            }
+        }
     }
 
     /// Asks for the blocks to be found anew; what is held stays with its rows.
@@ -110,8 +123,8 @@ impl Blocks {
     /// Returns the highest rank that A may have by what is held: n where nothing is.
     #[must_use]
     pub fn ceiling(&self) -> usize {
-        let most = |block: usize| match (self.gap, self.held[block]) {
-            (Some(_), Some(rank)) => rank,
+        let most = |block: usize| match self.held[block] {
+            Some(rank) if self.holding => rank,
             _ => self.of(block).len(),
         };
         (0..self.len()).map(most).sum()
@@ -120,14 +133,14 @@ impl Blocks {
     /// Tells whether a rank is to be held that nobody has decided yet.
     #[must_use]
     pub fn is_undecided(&self) -> bool {
-        self.gap.is_some() && self.held.iter().any(Option::is_none)
+        self.holding && self.held.iter().any(Option::is_none)
     }
 
     /// Tells whether the rank of a block is held already: then the cut decides of what is kept only, and not of what is
     /// dropped.
     #[must_use]
     pub fn holds(&self, block: usize) -> bool {
-        self.gap.is_some() && self.held[block].is_some()
+        self.holding && self.held[block].is_some()
     }
 
     /// Tells whether a held rank rose in this step.
@@ -136,10 +149,18 @@ impl Blocks {
         self.risen
     }
 
-    /// Returns the part of the largest eigenvalue up to which one counts as zero where its row is held to be redundant.
+    /// Returns the part of the largest eigenvalue of a block up to which one counts as zero where its row is held to be redundant.
     #[must_use]
-    pub fn explained(&self, rank_cut: f64) -> f64 {
-        self.gap.map_or(rank_cut, |gap| rank_cut.max((DRIFT * gap).powi(2)))
+    pub fn explained(&self, block: usize, rank_cut: f64) -> f64 {
+        let explained = self.gaps.get(block).map_or(0.0, |gap| (DRIFT * gap).powi(2));
+        if explained.is_nan() { f64::INFINITY } else { rank_cut.max(explained) }
+    }
+
+    /// Returns the least and the most of that over all blocks.
+    #[must_use]
+    pub fn explained_of_all(&self, rank_cut: f64) -> (f64, f64) {
+        let all = (0..self.len()).map(|block| self.explained(block, rank_cut));
+        all.fold((f64::INFINITY, rank_cut), |(least, most), part| (least.min(part), most.max(part)))
     }
 
     /// Tells which constraint every row after folding belongs to.
@@ -172,7 +193,8 @@ impl Blocks {
     /// only where a rank is to be held and nobody has decided it.
     #[must_use]
     pub fn cut(&self, rank_cut: f64) -> f64 {
-        if self.is_undecided() { self.explained(rank_cut).min(AT_START.max(rank_cut)) } else { rank_cut }
+        let at_start = AT_START.max(rank_cut);
+        if self.is_undecided() { self.explained_of_all(rank_cut).1.min(at_start) } else { rank_cut }
     }
 
     /// Decides the rank of a block from all its eigenvalues, in any order. `most` is the largest entry of all of A: a block that
@@ -186,14 +208,15 @@ impl Blocks {
             values.iter().filter(|&&value| value > cut).count()
         };
         let rank = above(rank_cut);
-        if self.gap.is_none() {
+        if !self.holding {
             return rank;
         }
         match self.held[block] {
             Some(held) if rank <= held => rank,
             held => {
-                let standing =
-                    above(if held.is_none() { self.cut(rank_cut) } else { self.explained(rank_cut) });
+                let explained = self.explained(block, rank_cut);
+                let at_start = AT_START.max(rank_cut);
+                let standing = above(if held.is_none() { explained.min(at_start) } else { explained });
                 let rank = standing.max(held.unwrap_or(0));
                 self.risen |= held.is_some_and(|held| rank > held);
                 self.held[block] = Some(rank);
@@ -392,43 +415,45 @@ mod tests {
     #[test]
     fn a_rank_is_held_until_more_stands_than_the_gap_explains() {
         let mut blocks = found();
-        blocks.step(Some(1e-14));
+        blocks.step(&[1e-14; 4]);
         assert!(blocks.is_undecided());
         assert_eq!(blocks.decide(0, &[1.0, 1e-16], 1e-10, 1.0), 1, "the closed start");
         assert_eq!((blocks.decide(1, &[1.0], 1e-10, 1.0), blocks.decide(2, &[0.0], 1e-10, 1.0)), (1, 0));
         assert!(!blocks.is_undecided());
         assert_eq!(blocks.ceiling(), 2);
-        blocks.step(Some(1e-4));
+        blocks.step(&[1e-4, 0.0, 0.0, 0.0]);
         assert_eq!(blocks.decide(0, &[1.0, 1e-8], 1e-10, 1.0), 1, "open by 1e-4");
         assert!(!blocks.has_risen());
-        blocks.step(Some(1e-14));
+        blocks.step(&[1e-14; 4]);
         assert_eq!(blocks.decide(0, &[1.0, 1e-8], 1e-10, 1.0), 2, "closed, and there all the same");
         assert!(blocks.has_risen());
-        blocks.step(Some(1e-14));
+        blocks.step(&[1e-14; 4]);
         assert_eq!(blocks.decide(0, &[1.0, 1e-12], 1e-10, 1.0), 1, "a singular pose");
         assert!(!blocks.has_risen());
         assert_eq!(blocks.decide(0, &[1.0, 1e-8], 1e-10, 1.0), 2);
         assert!(!blocks.has_risen(), "a rank that comes back is no event");
-        blocks.step(None);
+        blocks.step(&[]);
         assert_eq!(blocks.ceiling(), 4);
     }
 
     #[test]
     fn what_is_held_stays_with_its_rows_when_blocks_meet_and_folds_open() {
         let mut blocks = found();
-        blocks.step(Some(0.0));
+        blocks.step(&[0.0; 4]);
         let ranks = [blocks.decide(0, &[1.0, 0.0], 1e-10, 1.0), blocks.decide(1, &[1.0], 1e-10, 1.0)];
         assert_eq!((ranks, blocks.decide(2, &[0.0], 1e-10, 1.0)), ([1, 1], 0));
         let mut coupled = COLUMNS;
         coupled[7] = 1.0;
         blocks.find(&coupled, 3, (0..4).map(Some));
+        blocks.step(&[0.0; 4]);
         assert_eq!((blocks.len(), blocks.ceiling()), (2, 2));
         // The first two rows had been proportional.
         let mut blocks = Blocks::default();
-        blocks.step(Some(0.0));
         blocks.find(&[1.0, 2.0], 2, [Some(0), Some(0)].into_iter());
+        blocks.step(&[0.0; 2]);
         assert_eq!(blocks.decide(0, &[5.0], 1e-10, 1.0), 1);
         blocks.find(&[1.0, 2.0, 1.0, 2.0 + 1e-9], 2, [Some(0), Some(1)].into_iter());
+        blocks.step(&[1e-9; 2]);
         assert_eq!(blocks.ceiling(), 1);
     }
 }

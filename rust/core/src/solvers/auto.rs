@@ -34,7 +34,7 @@ const NEAR: f64 = 1e-5;
 fn is_certain(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> bool {
     let (left, blocks) = (found.left(problem.len()), problem.blocks());
     let zero = if is_held(problem) && found.rank == blocks.ceiling() {
-        blocks.explained(rank_cut)
+        blocks.explained_of_all(rank_cut).0
     } else {
         rank_cut
     };

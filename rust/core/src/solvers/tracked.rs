@@ -401,7 +401,7 @@ impl Solver for Tracked {
             *self = Self::sized(self.params, n);
         }
         let mut count = Count::default();
-        self.explained = problem.blocks().explained(self.params.rank_cut);
+        self.explained = problem.blocks().explained_of_all(self.params.rank_cut).1;
         let stale = self.carried.is_stale() || self.ceiling != problem.blocks().ceiling();
         let advanced = if stale { Err(Lost) } else { self.advance(problem, &mut count) };
         let refreshed = advanced.is_err();

@@ -70,7 +70,8 @@ impl ConstrainedSystem {
         }
         let classes = self.fold.shares().map(|share| share.map(|(class, _)| class));
         self.blocks.find_dense(self.dense.as_slice(), self.dense.nrows(), classes);
-        self.blocks.step(self.gap.take());
+        self.blocks.step(&self.gaps);
+        self.gaps.clear();
         self.reduce_rhs();
         Ok(())
     }

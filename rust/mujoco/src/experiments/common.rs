@@ -97,7 +97,7 @@ impl Tally {
         steps.maybe_size("rank", known.rank);
         steps.maybe("inconsistency", known.inconsistency);
         steps.maybe("rank_margin", known.margin.filter(|margin| margin.is_finite()));
-        steps.int("rank_rises", i64::from(known.risen));
+        steps.int("rank_rises", i64::from(known.risen || self.risen));
     }
 }
 
