@@ -17,6 +17,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.files import write_text
 from oarlock.cases.equality_kinds import KIND_OF
 from oarlock.mechanics.load import load_model
 
@@ -67,7 +68,7 @@ def copy_model(source: Path, folder: Path) -> Copied:
     copier.name(root)
     text = copier.header + ET.tostring(root, encoding="unicode") + "\n"
     path = folder / "model.xml"
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
     try:
         different = differences(original, load_model(path))
     except InputError as error:
@@ -174,8 +175,7 @@ class Copier:
         target = self._folder / ASSETS / name
         if not target.exists():
             root = self.read(path, path.parent, prefix="")
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+            write_text(target, ET.tostring(root, encoding="unicode") + "\n")
             self.copied.files.append(name)
         return name
 

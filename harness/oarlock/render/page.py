@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,8 @@ import altair as alt
 import vl_convert
 from markdown_it import MarkdownIt
 
+from oarlock.base.errors import InputError
+from oarlock.base.files import write_text
 from oarlock.render.template import render
 
 _EMBED = "window.vegaEmbed = vegaEmbed;"
@@ -97,9 +98,6 @@ def _library() -> str:
         return kept.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         bundle = vl_convert.javascript_bundle(_EMBED)
-    with contextlib.suppress(OSError):  # a cache that cannot be written is none
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=folder, delete=False) as file:
-            file.write(bundle)
-        os.replace(file.name, kept)
+    with contextlib.suppress(InputError):  # a cache that cannot be written is none
+        write_text(kept, bundle)
     return bundle

@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from oarlock.base.files import write_text
 from oarlock.render.folder import CONTENTS, require_report, write_whole
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
@@ -123,10 +124,9 @@ def write_report(results: Path, target: Path) -> Path:
 
 
 def _write(folder: Path, tables: Tables, text: str, drawn: list[Figure]) -> None:
-    (folder / "figures").mkdir()
     for figure in drawn:
-        (folder / "figures" / f"{figure.name}.svg").write_text(figure.svg(), encoding="utf-8")
-    (folder / "README.md").write_text(text, encoding="utf-8")
-    (folder / "index.html").write_text(html(tables, text, drawn), encoding="utf-8")
+        write_text(folder / "figures" / f"{figure.name}.svg", figure.svg())
+    write_text(folder / "README.md", text)
+    write_text(folder / "index.html", html(tables, text, drawn))
     for name, content in (("timings.json", timings(tables)), ("provenance.json", tables.provenance)):
-        (folder / name).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_text(folder / name, json.dumps(content, indent=1) + "\n")

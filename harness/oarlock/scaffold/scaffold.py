@@ -15,6 +15,7 @@ import numpy as np
 import polars as pl
 
 from oarlock.base.errors import InputError, RefusedError, few, one_line
+from oarlock.base.files import write_text
 from oarlock.base.progress import Progress
 from oarlock.cases import case as cases
 from oarlock.cases.case import Case, load_case
@@ -171,6 +172,7 @@ def new_model(
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InputError(f"'{target}' is there already, expected a new name or an empty folder")
     try:
+        target = target.resolve() if target.is_symlink() else target
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=target.parent) as temporary:
             folder = Path(temporary) / name
@@ -208,10 +210,8 @@ def _write(name: str, source: Path, folder: Path, picture: str, progress: Progre
         scaffold = attempt(None)
     except RefusedError as refusal:
         scaffold = attempt(one_line(refusal).partition(", expected")[0])
-    (folder / "README.md").write_text(
-        render("model.md.j2", case=scaffold, found=scaffold.found, picture=picture),
-        encoding="utf-8",
-    )
+    text = render("model.md.j2", case=scaffold, found=scaffold.found, picture=picture)
+    write_text(folder / "README.md", text)
     return scaffold
 
 
@@ -244,7 +244,7 @@ def _run(scaffold: Scaffold, folder: Path, progress: Progress) -> Results:
 
 def _write_case(scaffold: Scaffold, folder: Path) -> Case:
     text = render("case.toml.j2", case=scaffold, found=scaffold.found)
-    (folder / "case.toml").write_text(text, encoding="utf-8")
+    write_text(folder / "case.toml", text)
     return load_case(folder)
 
 

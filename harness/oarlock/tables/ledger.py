@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from oarlock.base.errors import InputError
-from oarlock.base.files import replacing, uninterrupted
+from oarlock.base.files import uninterrupted, write_bytes
 from oarlock.tables.folder import ResultFolder
 
 NAME = "units.json"
@@ -135,8 +135,7 @@ class Ledger:
         marks = {}
         for name, content in files.items():
             path = self.folder.path / name
-            with replacing(path) as temporary:
-                temporary.write_bytes(content)
+            write_bytes(path, content)
             marks[name] = fingerprint(path)
         failure = outcome.failure
         self.entries[unit] = {

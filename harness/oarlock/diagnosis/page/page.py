@@ -7,6 +7,7 @@ from typing import Any
 
 import vl_convert
 
+from oarlock.base.files import write_text
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.page import pictures
 from oarlock.diagnosis.page.blocks import STILL, Chapter, Picture, Stage, plain
@@ -70,11 +71,11 @@ def html_fragment(exam: Examination, found: Sequence[Finding]) -> str:
 def _write(folder: Path, text: str, page: str, specs: dict[str, Any], moving: Motion | None) -> None:
     (folder / "figures").mkdir()
     for name, spec in specs.items():
-        (folder / "figures" / f"{name}.svg").write_text(vl_convert.vegalite_to_svg(spec), encoding="utf-8")
+        write_text(folder / "figures" / f"{name}.svg", vl_convert.vegalite_to_svg(spec))
     if moving is not None:
-        (folder / "figures" / f"{STILL}.svg").write_text(still(moving), encoding="utf-8")
-    (folder / "README.md").write_text(text, encoding="utf-8")
-    (folder / "index.html").write_text(page, encoding="utf-8")
+        write_text(folder / "figures" / f"{STILL}.svg", still(moving))
+    write_text(folder / "README.md", text)
+    write_text(folder / "index.html", page)
 
 
 def _illustrated(exam: Examination, moving: Motion | None) -> list[Chapter]:
