@@ -157,16 +157,40 @@ def write_bytes(path: Path, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
+READABLE = 2**30
+"""Bytes of a file at most that is read whole."""
+
+
+def read_bytes(path: Path, most: int = READABLE) -> bytes:
+    """Reads a regular file whole. A pipe, on which reading would wait for ever, or a device is none.
+
+    Raises:
+        OSError: it cannot be read, is no regular file, or is longer than ``most`` bytes.
+        ValueError: no file can have this name.
+    """
+    # Not opened first: to open a pipe is to wait for its other end.
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "is not a regular file")
+    if found.st_size > most:
+        raise OSError(errno.EFBIG, f"has {found.st_size} bytes, expected {most} at most")
+    return path.read_bytes()
+
+
 @contextmanager
 def reading(path: Path) -> Iterator[Path]:
     """Yields ``path``, and turns an error of reading it into one that names the file.
 
     Raises:
-        InputError: the file is missing or damaged.
+        InputError: the file is missing, no regular file, or damaged.
     """
     try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise OSError(errno.EINVAL, "is not a regular file")
         yield path
-    except (OSError, pl.exceptions.PolarsError) as error:
+    except InputError:
+        raise
+    except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise InputError(f"'{path}' cannot be read: {one_line(error)[:120]}") from None
 
 

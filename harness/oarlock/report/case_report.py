@@ -18,7 +18,7 @@ from oarlock.report.costs import Costs, times_of_reference
 from oarlock.report.statements import Compared, statements
 from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES, shown
-from oarlock.tables.folder import OCCASION, ResultFolder, occasion_of
+from oarlock.tables.folder import OCCASION, ResultFolder, believing, occasion_of
 
 
 def draw(tables: Tables) -> list[Figure]:
@@ -116,10 +116,11 @@ def write_report(results: Path, target: Path) -> Path:
     Raises:
         InputError: the results are missing or damaged, or the target cannot be written or is not a report.
     """
-    tables = Tables(ResultFolder(results))
     require_report(target, CONTENTS)
-    drawn = draw(tables)
-    text = markdown(tables, drawn)
+    with believing(results):
+        tables = Tables(ResultFolder(results))
+        drawn = draw(tables)
+        text = markdown(tables, drawn)
     return write_whole(target, lambda folder: _write(folder, tables, text, drawn))
 
 
