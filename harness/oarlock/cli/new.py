@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from oarlock.base.text import visible
 from oarlock.cli.bar import bar
 from oarlock.cli.console import ends
 
@@ -25,7 +26,7 @@ def new(
     with bar() as progress:
         folder, scaffold = new_model(name, file, to, progress)
     for line in scaffold.lines():
-        print(line)
+        print(visible(line))
     listed = folder.parent == models_folder()
     print(f"\nwritten: {folder}{os.sep}")
     print(f"next:    oarlock run {name if listed else os.path.join(os.curdir, folder)}")

@@ -11,7 +11,7 @@ from typing import Any
 
 from oarlock.base.files import write_text
 from oarlock.render.folder import CONTENTS, require_report, write_whole
-from oarlock.render.page import Figure, page
+from oarlock.render.page import Figure, drawable, page
 from oarlock.render.template import render
 from oarlock.report import figures
 from oarlock.report.costs import Costs, times_of_reference
@@ -119,7 +119,7 @@ def write_report(results: Path, target: Path) -> Path:
     require_report(target, CONTENTS)
     with believing(results):
         tables = Tables(ResultFolder(results))
-        drawn = draw(tables)
+        drawn = drawable(draw(tables))
         text = markdown(tables, drawn)
     return write_whole(target, lambda folder: _write(folder, tables, text, drawn))
 

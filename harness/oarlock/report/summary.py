@@ -14,7 +14,7 @@ from typing import Any
 from oarlock.base.errors import InputError
 from oarlock.base.files import write_text
 from oarlock.render.folder import require_same_page
-from oarlock.render.page import Figure, page
+from oarlock.render.page import Figure, drawable, page
 from oarlock.render.template import render
 from oarlock.report import summary_figures as figures
 from oarlock.report.tables import Tables
@@ -257,7 +257,7 @@ def write_summary(folders: Sequence[Path], target: Path) -> Path:
     """
     with believing(folders[0].parent if folders else target):
         summary = Summary(folders)
-        tracked, timed = draw(summary)
+        tracked, timed = map(drawable, draw(summary))
         text = render("summary.md.j2", summary=summary, figures=tracked, solvers=figures.SOLVERS)
     require_same_page(target / "README.md", text)
     for figure in tracked:
