@@ -69,6 +69,9 @@ def main() -> None:
     warnings.showwarning = lambda message, *_: say(f"oarlock: {one_line(message)}")
     try:
         app(standalone_mode=True)
-    except (InputError, OSError) as error:
+    except (InputError, OSError, Warning) as error:  # a warning is an error if Python was told so
         say(f"oarlock: {one_line(error)}")
+        sys.exit(BAD_INPUT)
+    except (MemoryError, RecursionError) as error:
+        say(f"oarlock: too large or too deep for this machine: {type(error).__name__} {one_line(error)[:200]}".rstrip())
         sys.exit(BAD_INPUT)

@@ -14,6 +14,7 @@ from oarlock.experiments.options import RunOptions
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
+from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables import parquet
 from oarlock.tables.aggregate import judge, summarise
@@ -23,6 +24,7 @@ from oarlock.tables.schema import RunResult
 
 
 @takes(RunOptions)
+@mujoco_ends_in_a_line()
 def run(
     model: str | Path,
     options: RunOptions | None = None,

@@ -21,6 +21,7 @@ from oarlock.cases import case as cases
 from oarlock.cases.case import Case, load_case
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.session import run
+from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.mechanics.mjcf import Copied, copy_model
 from oarlock.mechanics.names import Equality, coordinates, element_name, equalities
 from oarlock.mechanics.reactions import verdict
@@ -177,7 +178,8 @@ def new_model(
         with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=target.parent) as temporary:
             folder = Path(temporary) / name
             folder.mkdir()
-            scaffold = _write(name, source, folder, _picture(name, target.parent), progress or Progress())
+            with mujoco_ends_in_a_line(source):
+                scaffold = _write(name, source, folder, _picture(name, target.parent), progress or Progress())
             if target.exists():
                 target.rmdir()
             os.replace(folder, target)
