@@ -7,7 +7,7 @@ import pytest
 from mechanisms import four_bar, write_model
 
 BOXES = "".join(
-    f'<body pos="{0.12 * index} 0 0.049"><freejoint/><geom type="box" size="0.05 0.05 0.05" mass="0.3"/></body>'
+    f'<body pos="{0.12 * index} 0 0.051"><freejoint/><geom type="box" size="0.05 0.05 0.05" mass="0.3"/></body>'
     for index in range(36)
 )
 

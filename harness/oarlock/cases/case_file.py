@@ -77,10 +77,12 @@ class Drive(_Table):
         """Evaluates the constants.
 
         Raises:
-            InputError: an expression does not parse, depends on t, or names something unknown.
+            InputError: a name means something else in expressions, or an expression does not parse, depends on t, or names something unknown.
         """
         known: dict[str, float] = {}
         for name, value in self.constants.items():
+            if not _usable(name):
+                raise InputError(f"constant '{name}': {UNUSABLE}")
             if isinstance(value, str):
                 law = TimeLaw(value, known)
                 if not law.is_constant:
@@ -137,10 +139,14 @@ class Expect(_Table):
         return found
 
 
+UNUSABLE = "not a name that an expression can use (t, e, E, PI, π, TAU, τ and functions are taken), expected another"
+"""Of a constant or parameter: its value would be ignored."""
+
+
 def _usable(name: str) -> bool:
-    """Tells whether an expression can use a parameter of this name: t, PI, E and the functions are taken."""
+    """Tells whether an expression sees a constant or parameter of this name, and not a number or function of its own."""
     try:
-        return re.fullmatch(r"[A-Za-z]\w*", name) is not None and TimeLaw(name, {name: 1.5}).at(0.0) == 1.5
+        return name == name.strip() and all(TimeLaw(name, {name: value}).at(0.0) == value for value in (1.5, 2.5))
     except InputError:
         return False
 
@@ -350,8 +356,8 @@ class CaseFile(_Table):
     @model_validator(mode="after")
     def _consistent(self) -> "CaseFile":
         for name in self.parameters:
-            if not _usable(name):
-                raise InputError(f"parameters.{name}: not a name that an expression can use, expected another")
+            if not (re.fullmatch(r"[A-Za-z]\w*", name) and _usable(name)):  # it is in names of folders, too
+                raise InputError(f"parameters.{name}: {UNUSABLE}")
         listed = self.listed_parameters()
         for index, parameters in enumerate(listed):
             if parameters in listed[:index]:
