@@ -77,7 +77,8 @@ class Drive(_Table):
         """Evaluates the constants.
 
         Raises:
-            InputError: a name means something else in expressions, or an expression does not parse, depends on t, or names something unknown.
+            InputError: a name means something else in expressions, or an expression does not parse, depends on t, or
+                names something unknown.
         """
         known: dict[str, float] = {}
         for name, value in self.constants.items():
@@ -139,12 +140,15 @@ class Expect(_Table):
         return found
 
 
-UNUSABLE = "not a name that an expression can use (t, e, E, PI, π, TAU, τ and functions are taken), expected another"
+UNUSABLE = (
+    "not a name that an expression can use (t is the time; e, E, PI, π, TAU, τ and functions are taken), "
+    "expected another"
+)
 """Of a constant or parameter: its value would be ignored."""
 
 
 def _usable(name: str) -> bool:
-    """Tells whether an expression sees a constant or parameter of this name, and not a number or function of its own."""
+    """Tells whether an expression sees a constant or parameter by this name, and not something of its own."""
     try:
         return name == name.strip() and all(TimeLaw(name, {name: value}).at(0.0) == value for value in (1.5, 2.5))
     except InputError:

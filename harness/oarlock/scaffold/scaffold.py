@@ -148,7 +148,7 @@ def models_folder() -> Path | None:
 
 
 def new_model(
-    name: str, source: Path, to: Path | None = None, progress: Progress | None = None
+    name: str, source: Path, to: Path | None = None, progress: Progress | None = None, *, outside: bool = False
 ) -> tuple[Path, Scaffold]:
     """Writes the folder of a new case.
 
@@ -157,6 +157,7 @@ def new_model(
         source: an MJCF file.
         to: the folder that gets the new one; if None the models of the checkout, or the working folder.
         progress: listens to the runs that the bounds are measured with.
+        outside: whether files that the model names outside its folder are copied as well.
 
     Returns:
         The new folder, and what was found.
@@ -179,7 +180,7 @@ def new_model(
             folder = Path(temporary) / name
             folder.mkdir()
             with mujoco_ends_in_a_line(source):
-                scaffold = _write(name, source, folder, _picture(name, target.parent), progress or Progress())
+                scaffold = _write(name, source, folder, _picture(name, target.parent), progress or Progress(), outside)
             if target.exists():
                 target.rmdir()
             os.replace(folder, target)
@@ -195,8 +196,8 @@ def _picture(name: str, parent: Path) -> str:
     return f"../results/{name}/report/figures/mechanism.svg"
 
 
-def _write(name: str, source: Path, folder: Path, picture: str, progress: Progress) -> Scaffold:
-    copied = copy_model(source, folder)
+def _write(name: str, source: Path, folder: Path, picture: str, progress: Progress, outside: bool) -> Scaffold:
+    copied = copy_model(source, folder, outside=outside)
     model = folder / "model.xml"
     title = mujoco.MjSpec.from_file(str(model)).modelname
     if title in ("", "MuJoCo Model"):

@@ -37,7 +37,7 @@ class Referrer(Copier):
         super().__init__(folder or Path())
         self._from = folder
 
-    def _keep(self, path: Path) -> str:
+    def _keep(self, path: Path, element: ET.Element) -> str:
         path = path.resolve()
         if self._from is None:
             return path.as_posix()
@@ -47,4 +47,4 @@ class Referrer(Copier):
             return path.as_posix()
 
     def _keep_model(self, path: Path, element: ET.Element) -> str:
-        return self._keep(path)
+        return self._keep(path, element)

@@ -78,7 +78,7 @@ class _Tuner(Referrer):
     def _keep_model(self, path: Path, element: ET.Element) -> str:
         root = self.read(path, path.parent, prefix="")
         if not self.tune(root):
-            return self._keep(path)
+            return self._keep(path, element)
         name = self._free(path.with_name(f"{self._out.stem}-{path.name}"))
         if self._from is None:
             raise InputError(f"'{self._out}' is no file, expected one: a tuned copy of '{path}' has to lie beside it")
