@@ -66,6 +66,8 @@ def oarlock() -> None:
 
 def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
+    # An overflow on the way says nothing to a user; what comes of it is named.
+    warnings.simplefilter("ignore", RuntimeWarning)
     warnings.showwarning = lambda message, *_: say(f"oarlock: {one_line(message)}")
     try:
         app(standalone_mode=True)
