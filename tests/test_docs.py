@@ -13,7 +13,7 @@ from typer.main import get_command
 PACKAGE = REPOSITORY / "harness" / "oarlock"
 DECISIONS = REPOSITORY / "docs" / "decisions"
 DOCUMENTS = [
-    *(REPOSITORY / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "CHANGELOG.md")),
+    *(REPOSITORY / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "CHANGELOG.md", "SECURITY.md")),
     *sorted((REPOSITORY / "docs").glob("**/*.md")),
 ]
 

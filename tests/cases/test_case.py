@@ -1,6 +1,7 @@
 """Case files: data, checked; every mistake is one line with file, key, value and what was expected."""
 
 import contextlib
+import json
 from pathlib import Path
 
 import pytest
@@ -195,6 +196,21 @@ def test_a_sign_before_a_power_is_not_misread():
     """−t² is −9 at 3 s in any textbook; a language that reads (−t)² must refuse to guess."""
     with contextlib.suppress(ValueError):
         assert TimeLaw("-t^2").at(3.0) == -9.0
+
+
+@pytest.mark.parametrize(
+    "name", ["E", "e", "PI", "π", "TAU", "τ", "t", "sin", "abs", "é", "a b", "2x", "", "x.y", " x"]
+)
+def test_names_that_mean_something_else_are_refused(tmp_path, name):
+    """Its value would be ignored: E is 2.718 whatever the case says."""
+    said = complaint(tmp_path, f"{TITLE}[drive]\nconstants = {{ {json.dumps(name)} = 1.5 }}")
+    assert f"drive = {{'constants': {{{name!r}: 1.5}}}}: constant '{name}': not a name that" in said
+
+
+@pytest.mark.parametrize("name", ["x", "_x", "ω", "omega2", "Ek", "pi", "tau", "T"])
+def test_other_names_are_constants(tmp_path, name):
+    case = read(tmp_path, f"{TITLE}[drive]\nconstants = {{ {json.dumps(name)} = 1.5 }}")
+    assert case.drive.values() == {name: 1.5}
 
 
 def test_constants_may_use_earlier_ones(tmp_path):

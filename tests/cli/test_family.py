@@ -7,6 +7,7 @@ import oarlock
 import polars as pl
 import pytest
 from mechanisms import four_bar, write_model
+from oarlock.tables.folder import ResultFolder
 from suites import TINY
 
 FAMILY = ("run", "check", "diff", "suite", "sweep")
@@ -38,9 +39,9 @@ def answers(tmp_path_factory):
     file = write_model(folder / "files", four_bar()).rename(folder / "files" / f"{NASTY}.xml")
     results = oarlock.run(case)
     before, after = results.save(folder / "before"), results.save(folder / "after")
-    summary = json.loads((after / "summary.json").read_text(encoding="utf-8"))
+    summary = ResultFolder(after).read_json("summary.json")
     summary["runs"][0]["drift_pos_max"] *= 1e6
-    (after / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    ResultFolder(after).write_json("summary.json", summary)
     return {
         "run": results,
         "check": oarlock.check(file, budget=0, duration=0.1),

@@ -166,10 +166,10 @@ def test_all_gates_appear(boat_run, boat_report):
 
 def test_failed_gates_are_in_front(boat_run, tmp_path):
     results = shutil.copytree(boat_run.folder, tmp_path / "results")
-    document = json.loads((results / "summary.json").read_text(encoding="utf-8"))
+    document = ResultFolder(results).read_json("summary.json")
     document["gates"][5]["held"] = False
     document["gates"][6]["held"] = None
-    (results / "summary.json").write_text(json.dumps(document), encoding="utf-8")
+    ResultFolder(results).write_json("summary.json", document)
     text = (write_report(results, tmp_path / "report") / "README.md").read_text(encoding="utf-8")
     front = text.partition("\n## ")[0]
     assert f"1 of {len(document['gates']) - 1} gates do not hold: {document['gates'][5]['figure']}" in front

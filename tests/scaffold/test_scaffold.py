@@ -34,7 +34,7 @@ def new(request, strange, tmp_path_factory) -> New:
     source = strange / FILES[request.param]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(survey, "STEPS", 100)
-        folder, found = new_model(request.param, source, tmp_path_factory.mktemp("new"))
+        folder, found = new_model(request.param, source, tmp_path_factory.mktemp("new"), outside=True)
     return New(source, folder, found)
 
 
@@ -107,7 +107,7 @@ def test_files_of_one_name_stay_apart(tmp_path):
     geoms = "".join(f'<geom type="mesh" mesh="{name}" contype="0"/>' for name in ("one", "two"))
     path = write_model(tmp_path / "m", four_bar(body=geoms, rest=f"<asset>{meshes}</asset>"))
     (tmp_path / "out").mkdir()
-    copied = copy_model(path, tmp_path / "out")
+    copied = copy_model(path, tmp_path / "out", outside=True)
     assert sorted(copied.files) == ["link-2.obj", "link.obj"]
     shutil.rmtree(tmp_path / "a")
     shutil.rmtree(tmp_path / "b")
@@ -161,7 +161,7 @@ def test_case_runs_and_its_gates_hold(new):
 )
 def test_what_is_expected_was_computed(strange, tmp_path, monkeypatch, name, expected, reactions, ignoring):
     monkeypatch.setattr(survey, "STEPS", 20)
-    folder, _ = new_model(name, strange / FILES[name], tmp_path)
+    folder, _ = new_model(name, strange / FILES[name], tmp_path, outside=True)
     file = load_case(folder).file
     assert (file.expect.nv, file.expect.rows, file.expect.rank, file.expect.dof) == expected
     assert file.expect.reactions == reactions

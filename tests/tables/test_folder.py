@@ -209,7 +209,8 @@ def test_disk_holds_what_was_returned(kept):
     for row, frame in zip(results.rows, frames_of(results), strict=True):
         assert ResultFolder(folder).read_steps(row["run"]).equals(frame, null_equal=True)
     document = ResultFolder(folder).read_json("summary.json")
-    assert document == json.loads(json.dumps(results.document()))
+    assert document == json.loads(json.dumps(results.kept()))
+    assert sorted(document["files"]) == sorted(str(path.relative_to(folder)) for path in folder.rglob("*.parquet"))
 
 
 def test_no_temporary_files_are_left(kept):

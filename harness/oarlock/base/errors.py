@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import TypeVar
 
 from oarlock.base.core import InputError
+from oarlock.base.text import one_line
 
 __all__ = ["DiskError", "InputError", "RefusedError", "choose", "few", "one_line"]
 
@@ -20,11 +21,6 @@ class RefusedError(InputError):
 
 class DiskError(InputError):
     """Results that cannot be written to disk. Ends the whole comparison, like ``RefusedError``."""
-
-
-def one_line(text: object) -> str:
-    """Joins the lines of a message, so that it takes one line on a terminal and in a log."""
-    return " ".join(str(text).split())
 
 
 Name = TypeVar("Name", bound=str)

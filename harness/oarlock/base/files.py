@@ -1,38 +1,119 @@
-"""Files that are written whole or not at all, and errors that name the file that cannot be read or written."""
+"""Files that are written whole or not at all, and errors that name the file that cannot be read or written.
 
+Everything that the package writes for a user goes through ``replacing``:
+
+- a regular file is replaced by a rename once its new contents are complete, and keeps its permissions;
+- a link is followed, and what it leads to is written;
+- anything else (a device, a pipe, a socket, an open file such as ``/dev/stdout``) is written to and stays what it is.
+"""
+
+import errno
+import itertools
 import os
 import re
+import shutil
 import signal
+import stat
+import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 import polars as pl
 
 from oarlock.base.errors import InputError, one_line
 
+_OPEN_FILES = re.compile(r"/(?:proc/(?:self|thread-self|\d+)(?:/task/\d+)?|dev)/fd")
+"""Folders whose entries are links to files that a process has open."""
+
+_NAME_LENGTH = 64
+"""So many characters of a name at most are in that of its temporary file: names of files end at 255 bytes."""
+
+_numbers = itertools.count()
+
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a temporary path beside ``path``, and moves that file to ``path`` when the block ends without an error.
+    """Yields a temporary path, whose file takes the place of ``path`` when the block ends without an error.
 
-    Folders are created as needed. Interruptions are held back meanwhile (see ``uninterrupted``).
+    It lies beside the file that ``path`` leads to. Where that is no regular file, it lies in the system's temporary
+    folder, and its contents are written to ``path`` instead. Folders are created as needed. Interruptions are held
+    back meanwhile (see ``uninterrupted``).
 
     Raises:
-        InputError: the file cannot be written (full disk, no permission).
+        InputError: the file cannot be written (full disk, no permission, a folder is there).
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary: Path | None = None
     try:
         with uninterrupted():
-            path.parent.mkdir(parents=True, exist_ok=True)
+            target = destination(path)
+            folder = Path(tempfile.gettempdir()) if target is None else target.parent
+            folder.mkdir(parents=True, exist_ok=True)
+            temporary = folder / f".{path.stem[:_NAME_LENGTH]}.{next(_numbers)}.{os.getpid()}.tmp{path.suffix[:8]}"
             yield temporary
-            os.replace(temporary, path)
-    except (OSError, pl.exceptions.ComputeError) as error:
+            if target is None:
+                with temporary.open("rb") as contents:
+                    _pour(contents, path)
+            else:
+                _keep_mode(target, temporary)
+                os.replace(temporary, target)
+    except InputError:
+        raise
+    except (OSError, ValueError, pl.exceptions.ComputeError) as error:
         raise InputError(f"cannot write '{path}': {reason(error)}") from None
     finally:
-        with suppress(OSError):
-            temporary.unlink()
+        if temporary is not None:
+            with suppress(OSError):
+                temporary.unlink()
+
+
+def destination(path: Path) -> Path | None:
+    """The regular file, there or not, that a path leads to; None where it is to be written to and not replaced.
+
+    Raises:
+        OSError: a folder is there, or the links go round.
+        ValueError: no file can have this name.
+    """
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return Path(os.path.realpath(path))
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    return Path(os.path.realpath(path)) if stat.S_ISREG(mode) and _open_file(path) is None else None
+
+
+def _open_file(path: Path) -> Path | None:
+    """The entry among the open files of a process that a path leads to, such as ``/proc/self/fd/1``; None: to none."""
+    while True:  # os.stat has followed the links, so they come to an end
+        path = Path(os.path.realpath(path.parent)) / path.name
+        if _OPEN_FILES.fullmatch(str(path.parent)):
+            return path
+        if not path.is_symlink():
+            return None
+        path = path.parent / os.readlink(path)
+
+
+def _pour(contents: BinaryIO, path: Path) -> None:
+    """Writes to what is no regular file, or is open."""
+    entry = _open_file(path)
+    if entry is not None and os.path.realpath(entry.parent) in (f"/proc/{os.getpid()}/fd", "/dev/fd"):
+        sys.stdout.flush()  # what was printed comes first
+        sys.stderr.flush()
+        # The same open file: opened anew, it would be written from its beginning.
+        with os.fdopen(os.dup(int(entry.name)), "wb") as there:
+            shutil.copyfileobj(contents, there)
+        return
+    with path.open("wb") as there:
+        shutil.copyfileobj(contents, there)
+
+
+def _keep_mode(target: Path, temporary: Path) -> None:
+    with suppress(OSError):  # there is none yet, or it belongs to somebody else
+        temporary.chmod(stat.S_IMODE(target.stat().st_mode))
 
 
 @contextmanager
@@ -63,8 +144,37 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         InputError: the file cannot be written.
     """
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Writes a file, whole or not at all.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
     with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(content)
+
+
+READABLE = 2**30
+"""Bytes of a file at most that is read whole."""
+
+
+def read_bytes(path: Path, most: int = READABLE) -> bytes:
+    """Reads a regular file whole. A pipe, on which reading would wait for ever, or a device is none.
+
+    Raises:
+        OSError: it cannot be read, is no regular file, or is longer than ``most`` bytes.
+        ValueError: no file can have this name.
+    """
+    # Not opened first: to open a pipe is to wait for its other end.
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError(errno.EINVAL, "is not a regular file")
+    if found.st_size > most:
+        raise OSError(errno.EFBIG, f"has {found.st_size} bytes, expected {most} at most")
+    return path.read_bytes()
 
 
 @contextmanager
@@ -72,11 +182,15 @@ def reading(path: Path) -> Iterator[Path]:
     """Yields ``path``, and turns an error of reading it into one that names the file.
 
     Raises:
-        InputError: the file is missing or damaged.
+        InputError: the file is missing, no regular file, or damaged.
     """
     try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise OSError(errno.EINVAL, "is not a regular file")
         yield path
-    except (OSError, pl.exceptions.PolarsError) as error:
+    except InputError:
+        raise
+    except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise InputError(f"'{path}' cannot be read: {one_line(error)[:120]}") from None
 
 

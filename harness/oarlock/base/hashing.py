@@ -5,6 +5,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from oarlock.base.files import read_bytes
+
 
 def of_text(text: str) -> str:
     """Computes the digest of a text in UTF-8."""
@@ -14,8 +16,8 @@ def of_text(text: str) -> str:
 def of_file(path: Path) -> str:
     """Computes the digest of a file's contents; an empty text if the file cannot be read."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    except OSError:
+        return hashlib.sha256(read_bytes(path)).hexdigest()[:16]
+    except (OSError, ValueError):
         return ""
 
 

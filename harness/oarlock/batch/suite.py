@@ -381,7 +381,7 @@ def _tabulate(member: Member, case: Case, moment: dict[str, Any]) -> None:
 
 def _judge(member: Member, case: Case, moment: dict[str, Any]) -> None:
     ledger, rows, model = member.ledger, member.ledger.rows(), member.ledger.model()
-    results = Results(case, rows=rows, provenance={**inputs(case), **moment})
+    results = Results(case, rows=rows, provenance={**inputs(case), **moment}, sums=ledger.sums())
     if model is not None:
         results.verdicts += expectations(case, model)
         _write_changed(ledger.folder, "case.json", case_document(case, model))
@@ -389,7 +389,7 @@ def _judge(member: Member, case: Case, moment: dict[str, Any]) -> None:
     if rows:
         # Bounds hold for the parameters that they were set for.
         results.verdicts += judge(case, rows if case.listed else [], complete=complete and case.listed)
-        _write_changed(ledger.folder, "summary.json", results.document())
+        _write_changed(ledger.folder, "summary.json", results.kept())
         ledger.folder.forget_steps_but([row["run"] for row in rows])
     member.verdicts, member.lost = results.verdicts, results.lost
 

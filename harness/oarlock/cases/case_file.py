@@ -6,16 +6,28 @@ A case file is data. An error names the file, the key, the value and what was ex
 import re
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from oarlock.base.core import TimeLaw
 from oarlock.base.errors import InputError, choose, one_line
+from oarlock.base.files import read_bytes
 from oarlock.base.options import Number
 from oarlock.cases.integrators import IntegratorName
 from oarlock.cases.judging import DEFAULT_ENDINGS, Ending, Gate
 from oarlock.cases.table import STRICT, Finite
+
+FILE_BYTES = 2**22
+"""Of a case file."""
+
+KEY_PARTS = 64
+"""Of a dotted key: the time to read one grows with the square of its parts."""
+
+_DEEP_KEY = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{KEY_PARTS},}}""")
+
+LISTED = 1000
+"""Experiments, variants or gates of a case."""
 
 Form = Literal["matched", "hard"]
 ModeName = Literal["calibration", "lockstep", "one-step", "free"]
@@ -25,6 +37,8 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Count = Annotated[int, Field(ge=0, strict=True)]
 Parameters = dict[str, Finite | Annotated[int, Field(strict=True)]]
+Element = TypeVar("Element")
+Some = Annotated[list[Element], Field(min_length=1, max_length=LISTED)]
 Reactions = Literal["unique", "partly unique", "not unique"]
 
 
@@ -77,10 +91,13 @@ class Drive(_Table):
         """Evaluates the constants.
 
         Raises:
-            InputError: an expression does not parse, depends on t, or names something unknown.
+            InputError: a name means something else in expressions, or an expression does not parse, depends on t, or
+                names something unknown.
         """
         known: dict[str, float] = {}
         for name, value in self.constants.items():
+            if not _usable(name):
+                raise InputError(f"constant '{name}': {UNUSABLE}")
             if isinstance(value, str):
                 law = TimeLaw(value, known)
                 if not law.is_constant:
@@ -137,10 +154,17 @@ class Expect(_Table):
         return found
 
 
+UNUSABLE = (
+    "not a name that an expression can use (t is the time; e, E, PI, π, TAU, τ and functions are taken), "
+    "expected another"
+)
+"""Of a constant or parameter: its value would be ignored."""
+
+
 def _usable(name: str) -> bool:
-    """Tells whether an expression can use a parameter of this name: t, PI, E and the functions are taken."""
+    """Tells whether an expression sees a constant or parameter by this name, and not something of its own."""
     try:
-        return re.fullmatch(r"[A-Za-z]\w*", name) is not None and TimeLaw(name, {name: 1.5}).at(0.0) == 1.5
+        return name == name.strip() and all(TimeLaw(name, {name: value}).at(0.0) == value for value in (1.5, 2.5))
     except InputError:
         return False
 
@@ -269,11 +293,11 @@ class Experiment(_Table):
 
     mode: ModeName
     walker: str = "mujoco"
-    forms: list[Form] = ["hard"]
-    solvers: list[str] = ["pinv"]
-    integrators: list[IntegratorName] | None = None  # None: the case's
+    forms: Some[Form] = ["hard"]
+    solvers: Some[str] = ["pinv"]
+    integrators: Some[IntegratorName] | None = None  # None: the case's
     stabilisation: Stabilisation | None = None  # None: the case's
-    settings: list[str] = ["default"]
+    settings: Some[str] = ["default"]
 
 
 DEFAULT_EXPERIMENTS = [
@@ -288,9 +312,9 @@ class Sweep(_Table):
     """Free runs at several timesteps besides the case's own, for work against precision in the suite's summary."""
 
     timesteps_s: Annotated[list[Positive], Field(min_length=2)]
-    integrators: list[IntegratorName] = ["euler", "rk4"]
-    solvers: list[str] = ["cholesky", "sr1-tracked"]
-    settings: list[str] = ["default", "stiff"]  # of MuJoCo
+    integrators: Some[IntegratorName] = ["euler", "rk4"]
+    solvers: Some[str] = ["cholesky", "sr1-tracked"]
+    settings: Some[str] = ["default", "stiff"]  # of MuJoCo
 
 
 class Variant(_Table):
@@ -341,17 +365,17 @@ class CaseFile(_Table):
     truth: Truth | None = None
     published: list[Published] = []
     paper: Paper | None = None
-    experiments: list[Experiment] = Field(default=DEFAULT_EXPERIMENTS, min_length=1)
+    experiments: list[Experiment] = Field(default=DEFAULT_EXPERIMENTS, min_length=1, max_length=LISTED)
     gates: list[Gate] = []
     endings: list[Ending] = DEFAULT_ENDINGS
     sweep: Sweep | None = None  # of the default parameters
-    variants: list[Variant] = []
+    variants: list[Variant] = Field(default=[], max_length=LISTED)
 
     @model_validator(mode="after")
     def _consistent(self) -> "CaseFile":
         for name in self.parameters:
-            if not _usable(name):
-                raise InputError(f"parameters.{name}: not a name that an expression can use, expected another")
+            if not (re.fullmatch(r"[A-Za-z]\w*", name) and _usable(name)):  # it is in names of folders, too
+                raise InputError(f"parameters.{name}: {UNUSABLE}")
         listed = self.listed_parameters()
         for index, parameters in enumerate(listed):
             if parameters in listed[:index]:
@@ -437,11 +461,22 @@ def read_case_file(path: Path) -> CaseFile:
         InputError: the file is not TOML, or a value in it is not as expected.
     """
     try:
-        data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        text = read_bytes(path, FILE_BYTES).decode()
+        if _DEEP_KEY.search(text):
+            raise InputError(f"{path}: not valid TOML: a key of more than {KEY_PARTS} parts, expected fewer")
+        data: dict[str, Any] = tomllib.loads(text)
+    except InputError:
+        raise
+    except RecursionError:
+        raise InputError(f"{path}: not valid TOML: nested too deeply, expected what cases have") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or one_line(error)}") from None
+    except ValueError as error:  # among them integers of thousands of digits
         raise InputError(f"{path}: not valid TOML: {one_line(error)}") from None
     try:
         return CaseFile.model_validate(data)
+    except RecursionError:
+        raise InputError(f"{path}: nested too deeply, expected what cases have") from None
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         reason = one_line(first["msg"]).removeprefix("Value error, ")

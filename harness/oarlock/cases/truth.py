@@ -1,13 +1,21 @@
 """Outside truths: trajectories that no engine of the comparison computed."""
 
 import csv
+import io
 from pathlib import Path
 
 import numpy as np
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.files import read_bytes
 from oarlock.base.hermite import QuinticHermite
 from oarlock.cases.case import Case
+
+FILE_BYTES = 2**27
+"""Of a table: some million rows."""
+
+SHORTEST_S = 1e-12
+"""Between two rows: the curve between them divides by the square of it."""
 
 JOINT_COLUMNS = ["time", "position", "velocity", "acceleration"]
 SITE_COLUMNS = ["time", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
@@ -32,10 +40,10 @@ class TruthTrajectory:
 
     def __init__(self, path: Path, columns: list[str] = JOINT_COLUMNS):
         try:
-            with path.open(encoding="utf-8", newline="") as file:
-                rows = list(csv.reader(line for line in file if not line.startswith("#")))
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
-            raise InputError(f"{path}: cannot read the truth: {one_line(error)}") from None
+            text = io.StringIO(read_bytes(path, FILE_BYTES).decode(), newline="")
+            rows = list(csv.reader(line for line in text if not line.startswith("#")))
+        except (OSError, ValueError, csv.Error) as error:
+            raise InputError(f"{one_line(path)}: cannot read the truth: {one_line(error)}") from None
         if not rows or rows[0] != columns:
             raise InputError(f"{path}: columns {rows[0] if rows else []}, expected {columns}")
         try:
@@ -44,7 +52,7 @@ class TruthTrajectory:
             raise InputError(f"{path}: {error}") from None
         if table.ndim != 2 or table.shape[1] != len(columns):
             raise InputError(f"{path}: expected at least two rows of {len(columns)} numbers")
-        if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) <= 0).any():
+        if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, 0]) < SHORTEST_S).any():
             raise InputError(f"{path}: expected at least two rows of finite numbers with rising times")
         self.begin, self.end = float(table[0, 0]), float(table[-1, 0])
         self._curve = QuinticHermite(table[:, 0], table[:, 1:].reshape(len(table), 3, -1))

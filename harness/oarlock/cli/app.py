@@ -66,9 +66,14 @@ def oarlock() -> None:
 
 def main() -> None:
     """Runs the command: a user's mistake is one line on standard error, never a traceback."""
+    # An overflow on the way says nothing to a user; what comes of it is named.
+    warnings.simplefilter("ignore", RuntimeWarning)
     warnings.showwarning = lambda message, *_: say(f"oarlock: {one_line(message)}")
     try:
         app(standalone_mode=True)
-    except (InputError, OSError) as error:
+    except (InputError, OSError, Warning) as error:  # a warning is an error if Python was told so
         say(f"oarlock: {one_line(error)}")
+        sys.exit(BAD_INPUT)
+    except (MemoryError, RecursionError) as error:
+        say(f"oarlock: too large or too deep for this machine: {type(error).__name__} {one_line(error)[:200]}".rstrip())
         sys.exit(BAD_INPUT)

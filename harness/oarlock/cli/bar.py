@@ -8,6 +8,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsed
 from rich.progress import Progress as Bars
 
 from oarlock.base.progress import Progress
+from oarlock.base.text import visible
 
 
 class _Bar(Progress):
@@ -33,7 +34,7 @@ class _Bar(Progress):
         self._print(f"oarlock: {text}")
 
     def _print(self, text: str) -> None:
-        self._bars.console.print(text, highlight=False, markup=False, soft_wrap=True)
+        self._bars.console.print(visible(text), highlight=False, markup=False, soft_wrap=True)
 
 
 @contextmanager

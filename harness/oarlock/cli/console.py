@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.text import Text
 
 from oarlock.base.files import write_text
+from oarlock.base.text import json_visible, visible
 
 GATE_FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 1, 2, 130, 141
 
@@ -41,8 +42,8 @@ def ends() -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """A line on standard error."""
-    print(text, file=sys.stderr)
+    """A line on standard error, whatever names are in it."""
+    print(visible(text), file=sys.stderr)
 
 
 def emit_json(document: Any, target: str) -> None:
@@ -51,7 +52,7 @@ def emit_json(document: Any, target: str) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json_visible(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
     if target == "-":
         sys.stdout.write(text)
         sys.stdout.flush()
@@ -67,7 +68,7 @@ def one_of(names: Iterable[str]) -> str:
 
 def shown(text: str) -> Text:
     """As it is: no markup, and nothing that a terminal would obey."""
-    return Text("".join(letter if letter.isprintable() else "�" for letter in text))
+    return Text(visible(text))
 
 
 def console() -> Console:

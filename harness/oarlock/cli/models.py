@@ -7,7 +7,7 @@ import typer
 from rich.table import Table
 
 from oarlock.base.numbers import short
-from oarlock.cli.console import console, emit_json, ends
+from oarlock.cli.console import console, emit_json, ends, shown
 
 
 @ends()
@@ -28,5 +28,5 @@ def list_models(
     for name in names:
         table.add_column(name, no_wrap=name != "title")
     for entry in entries:
-        table.add_row(*(", ".join(v) if isinstance(v := entry[name], list) else short(v) for name in names))
+        table.add_row(*(shown(", ".join(v) if isinstance(v := entry[name], list) else short(v)) for name in names))
     console().print(table)

@@ -12,7 +12,7 @@ from oarlock.cases.case import load_case
 from oarlock.cases.case_file import Stabilisation
 from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
-from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, one_of, say
+from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, one_of, say, shown
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
@@ -26,7 +26,7 @@ def _print_summary(results: Results) -> None:
     for title in COLUMNS.values():
         table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
     for row in results.rows:
-        table.add_row(*map(short, glance(row)))
+        table.add_row(*(shown(short(value)) for value in glance(row)))
     console().print(table)
 
 

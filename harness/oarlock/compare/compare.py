@@ -27,7 +27,7 @@ from oarlock.compare.figures import (
     worded,
 )
 from oarlock.compare.folders import KEYS, Run, Side, match, read_side, require_same_schema
-from oarlock.tables.folder import OCCASION
+from oarlock.tables.folder import OCCASION, believing
 
 SAME_NUMBER = 1e-9
 """Relative, and absolute in m or rad. Computed numbers of ``case.json`` differ by as much between machines."""
@@ -189,15 +189,18 @@ def diff(
     """
     if timings is not None and not (math.isfinite(timings) and timings > 1.0):
         raise InputError(f"timings = {timings:g}, expected a factor > 1")
-    one, other = read_side(Path(before)), read_side(Path(after))
-    pairs, gone, new = match(one.runs, other.runs)
-    require_same_schema(one, other, pairs)
-    comparisons = [found for pair in pairs for found in compare_figures(*pair, timings)]
-    comparisons += compare_unmatched(gone, other, gone_from_here=True)
-    comparisons += compare_unmatched(new, one, gone_from_here=False)
-    comparisons += compare_gates(one, other, pairs)
-    comparisons.sort(key=_badness)
-    origins = _origins(one, other, pairs)
+    with believing(Path(before)):
+        one = read_side(Path(before))
+    with believing(Path(after)):
+        other = read_side(Path(after))
+        pairs, gone, new = match(one.runs, other.runs)
+        require_same_schema(one, other, pairs)
+        comparisons = [found for pair in pairs for found in compare_figures(*pair, timings)]
+        comparisons += compare_unmatched(gone, other, gone_from_here=True)
+        comparisons += compare_unmatched(new, one, gone_from_here=False)
+        comparisons += compare_gates(one, other, pairs)
+        comparisons.sort(key=_badness)
+        origins = _origins(one, other, pairs)
     return Difference(str(before), str(after), comparisons, origins, len(pairs), allow_missing)
 
 

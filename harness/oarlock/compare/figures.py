@@ -3,14 +3,12 @@
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 
 from oarlock.base.errors import one_line
-from oarlock.base.files import reading
 from oarlock.base.numbers import finite, short
 from oarlock.compare.folders import KEYS, Run, Side
 from oarlock.compare.tolerances import APART, tolerance_of
@@ -111,7 +109,7 @@ def compare_figures(before: Run, after: Run, timings: float | None) -> Iterator[
             continue
         found = _figure(figure, before, after, timings)
         if found and found.verdict in ("worse", "changed") and after.steps and found.group != "structure":
-            found = Comparison(**{**asdict(found), "time_s": _worst_moment(after.steps, figure)})
+            found = Comparison(**{**asdict(found), "time_s": _worst_moment(after, figure)})
         if found and not (value is None and after.row[figure] is None):
             yield found
     if before.steps and after.steps and before.row["timestep_s"] == after.row["timestep_s"]:
@@ -138,13 +136,12 @@ def _figure(figure: str, before: Run, after: Run, timings: float | None) -> Comp
     return Comparison("same" if was == became else "changed", *place)
 
 
-def _worst_moment(steps: Path, figure: str) -> float | None:
+def _worst_moment(run: Run, figure: str) -> float | None:
     """Returns the time (s) at which the figure of the steps was largest whose maximum the summary has."""
     column = figure.removesuffix("_max")
     if column == figure or figure == "iterations_max":  # of one solve, where the table has a step's sum
         return None
-    with reading(steps):
-        table = pl.scan_parquet(steps)
+    with run.folder.scanning(run.row["run"]) as table:
         if column not in table.collect_schema():
             return None
         figures = pl.col(column).cast(pl.Float64).fill_nan(None)
@@ -175,10 +172,8 @@ def _coordinates(before: Run, after: Run) -> Iterator[tuple[np.ndarray, np.ndarr
     while True:
         parts = []
         for run in (before, after):
-            assert run.steps is not None
-            with reading(run.steps) as path:
-                table = pl.scan_parquet(path).select("time_s", "qpos").slice(offset, CHUNK).collect()
-            parts.append(table)
+            with run.folder.scanning(run.row["run"]) as table:
+                parts.append(table.select("time_s", "qpos").slice(offset, CHUNK).collect())
         count = min(map(len, parts))
         if not count:
             return

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from oarlock.base.files import write_text
 from oarlock.render.folder import require_report, write_whole
 from oarlock.render.page import page
 from oarlock.render.template import render
@@ -36,7 +37,7 @@ def write_page(
     text = render("diff.md.j2", head=head, origins=origins, titles=titles, changes=changes, timings=timings)
 
     def write(new: Path) -> None:
-        (new / "README.md").write_text(text, encoding="utf-8")
-        (new / "index.html").write_text(page("What changed", text, [], {}), encoding="utf-8")
+        write_text(new / "README.md", text)
+        write_text(new / "index.html", page("What changed", text, [], {}))
 
     return write_whole(folder, write)

@@ -14,6 +14,7 @@ from oarlock.base.answer import Answer
 from oarlock.base.arguments import complete, takes
 from oarlock.base.progress import Progress
 from oarlock.diagnosis.options import CheckOptions
+from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 
 if TYPE_CHECKING:
     from oarlock.diagnosis.examination import Examination
@@ -102,7 +103,7 @@ def begun(file: str | Path, options: CheckOptions) -> "Examination":
     """
     from oarlock.diagnosis.examination import begin
 
-    with _one_thread():
+    with _one_thread(), mujoco_ends_in_a_line(file):
         return begin(str(file), options)
 
 
@@ -110,7 +111,7 @@ def parts(examination: "Examination") -> Iterator[str]:
     """Looks at the model; gives the name of every part of the examination as soon as it is there."""
     from oarlock.diagnosis.examination import examine
 
-    with _one_thread():
+    with _one_thread(), mujoco_ends_in_a_line(examination.file):
         yield from examine(examination)
 
 

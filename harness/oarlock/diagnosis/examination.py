@@ -1,6 +1,5 @@
 """An examination: one model looked at from its loops to what would hold them, each part as soon as it is there."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +24,7 @@ from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
 from oarlock.mechanics.inequalities import ignore_inequalities
+from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import load_mechanism, set_integrator
 from oarlock.stepping.start import consistent_start
@@ -197,8 +197,7 @@ def _of_case(name: str, options: CheckOptions) -> Examination:
 
 def _steps(model: mujoco.MjModel, options: CheckOptions, own_s: float | None) -> int:
     timestep_s = float(model.opt.timestep)
-    if not (math.isfinite(timestep_s) and timestep_s > 0):
-        raise InputError(f"timestep of the model = {timestep_s:g} s, expected a finite number > 0")
+    require_timestep(timestep_s)
     asked = (options.duration or own_s or DURATION_S) / timestep_s
     if options.duration and asked > MOST_STEPS:
         raise InputError(

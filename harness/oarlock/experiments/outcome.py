@@ -11,7 +11,7 @@ from oarlock.base.answer import Answer, html_table
 from oarlock.cases.case import Case
 from oarlock.experiments.description import case_document
 from oarlock.tables.aggregate import Verdict
-from oarlock.tables.folder import ResultFolder
+from oarlock.tables.folder import FILES, SUMMARY, ResultFolder, Sums
 from oarlock.tables.promise import unexpected
 
 COLUMNS = {
@@ -62,6 +62,8 @@ class Results(Answer):
     sketch: dict[str, Any] | None = None
     truth: pl.DataFrame | None = None
     folder: Path | None = None
+    sums: Sums = field(default_factory=dict)
+    """Name of a table in the folder → its checksum."""
 
     @property
     def summary(self) -> pl.DataFrame:
@@ -99,6 +101,10 @@ class Results(Answer):
             ],
         }
 
+    def kept(self) -> dict[str, Any]:
+        """The document as folders keep it: with the checksums of the tables."""
+        return {**self.document(), FILES: self.sums}
+
     def save(self, folder: str | Path) -> Path:
         """Keeps all of it in a folder, as a run with ``out`` does; gives the folder.
 
@@ -108,12 +114,12 @@ class Results(Answer):
         kept = ResultFolder(Path(folder))
         kept.write_json("case.json", case_document(self.case, self.model))
         if self.truth is not None:
-            kept.write_truth(self.truth)
+            self.sums |= kept.write_truth(self.truth)
         if self.sketch is not None:
             kept.write_json("sketch.json", self.sketch)
         for row, table in zip(self.rows, self.tables, strict=True):
-            kept.write_table(row["run"], table)
-        kept.write_json("summary.json", self.document())
+            self.sums |= kept.write_table(row["run"], table)
+        kept.write_json(SUMMARY, self.kept())
         kept.forget_steps_but([row["run"] for row in self.rows])
         return kept.path
 

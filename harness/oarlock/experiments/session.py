@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import polars as pl
-
 from oarlock.base.arguments import complete, takes
 from oarlock.base.cores import cores
 from oarlock.base.files import uninterrupted
@@ -16,14 +14,17 @@ from oarlock.experiments.options import RunOptions
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
+from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.stepping.prepared import PreparedCase
+from oarlock.tables import parquet
 from oarlock.tables.aggregate import judge, summarise
-from oarlock.tables.folder import ResultFolder
+from oarlock.tables.folder import SUMMARY, ResultFolder
 from oarlock.tables.provenance import inputs, occasion
 from oarlock.tables.schema import RunResult
 
 
 @takes(RunOptions)
+@mujoco_ends_in_a_line()
 def run(
     model: str | Path,
     options: RunOptions | None = None,
@@ -78,27 +79,27 @@ class _Keeper:
         if self._folder:
             self._folder.write_json("case.json", case_document(results.case, results.model))
             if results.truth is not None:
-                self._folder.write_truth(results.truth)
+                results.sums |= self._folder.write_truth(results.truth)
 
     def keep(self, result: RunResult) -> None:
         results, folder = self._results, self._folder
         results.rows.append(summarise(result))
         if folder:
             with uninterrupted():
-                folder.write_steps(result)
-                folder.write_json("summary.json", results.document(), indent=None)  # written again after every run
+                results.sums |= folder.write_steps(result)
+                folder.write_json(SUMMARY, results.kept(), indent=None)  # written again after every run
         if results.sketch is None and len(result.steps):
             path = traced(result.steps)
             results.sketch = sketch(self._setup.model, self._setup.start.qpos, path)
             if folder:
                 folder.write_json("sketch.json", results.sketch)
         if folder and result.steps.on_disk:
-            results.tables.append(pl.scan_parquet(folder.steps_path(result.key.slug)))
+            results.tables.append(parquet.scan(folder.steps_path(result.key.slug)))
             result.steps.close()
         else:
             results.tables.append(result.table())
 
     def close(self) -> None:
         if self._folder:
-            self._folder.write_json("summary.json", self._results.document())
+            self._folder.write_json(SUMMARY, self._results.kept())
             self._folder.forget_steps_but([row["run"] for row in self._results.rows])

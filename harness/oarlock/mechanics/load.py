@@ -12,6 +12,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
+from oarlock.mechanics.limits import require_moderate, require_moderate_model
 
 
 def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
@@ -24,6 +25,8 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     if not path.is_file():
         raise InputError(f"no model file '{path}'")
     try:
+        if path.suffix != ".py":
+            require_moderate(path)
         with collected_warnings() as said:
             if path.suffix == ".py":
                 model = _build(path, parameters or {}).compile()
@@ -31,7 +34,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
                 model = mujoco.MjModel.from_xml_path(str(path))
     except InputError:
         raise
-    except (ValueError, mujoco.FatalError) as error:
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}{_callbacks()}") from None
     for text in said:
         if "NaN" in text:  # MuJoCo takes a NaN for a number that was left out, or computes with it
@@ -42,6 +45,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     if model.nv == 0:
         raise InputError(f"{path}: no joint, expected a mechanism that can move")
     _require_sound(path, model)
+    require_moderate_model(path, model)
     return model
 
 

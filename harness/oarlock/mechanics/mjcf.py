@@ -17,7 +17,9 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.files import write_text
 from oarlock.cases.equality_kinds import KIND_OF
+from oarlock.mechanics.assets import require_kind, require_within
 from oarlock.mechanics.load import load_model
 
 ASSETS = "assets"
@@ -54,20 +56,25 @@ class Copied:
     names: list[str] = field(default_factory=list)
 
 
-def copy_model(source: Path, folder: Path) -> Copied:
+def copy_model(source: Path, folder: Path, *, outside: bool = False) -> Copied:
     """Writes ``model.xml`` and, if it refers to files, ``assets/`` into a folder.
 
+    Args:
+        source: the model.
+        folder: the folder.
+        outside: whether files are copied from outside the folder of the model, too.
+
     Raises:
-        InputError: MuJoCo refuses the model, it has no equality, a file that it names cannot be found or copied, or
-            the copy is not the same model.
+        InputError: MuJoCo refuses the model, it has no equality, a file that it names cannot be found or copied, is
+            of no kind that MuJoCo reads or lies outside, or the copy is not the same model.
     """
     original = load_model(source)
-    copier = Copier(folder)
+    copier = Copier(folder, None if outside else source.parent)
     root = copier.read(source, source.parent, prefix=f"{ASSETS}/")
     copier.name(root)
     text = copier.header + ET.tostring(root, encoding="unicode") + "\n"
     path = folder / "model.xml"
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
     try:
         different = differences(original, load_model(path))
     except InputError as error:
@@ -86,9 +93,11 @@ class Copier:
 
     Args:
         folder: folder of the copy.
+        tree: folder that what is read and copied has to lie in; None: anywhere.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, tree: Path | None = None):
+        self._tree = tree
         self.copied = Copied()
         self.header = ""
         self._folder = folder
@@ -129,6 +138,7 @@ class Copier:
                 self._paste(child, base, here)
                 continue
             path = self._find(child.get("file", ""), [base, here])
+            require_within(path, self._tree)
             root = self._parse(path)
             self._paste(root, base, path.parent)
             at = list(parent).index(child)
@@ -148,9 +158,9 @@ class Copier:
         for element in root.iter():
             where = textures if element.tag == "texture" else meshes
             for attribute in _FILES.get(element.tag, ()) if isinstance(element.tag, str) else ():
-                if file := element.get(attribute):
+                if (file := element.get(attribute)) and not _unread(element):
                     file = Path(file).name if strip else file
-                    element.set(attribute, prefix + self._keep(self._find(file, [where, base])))
+                    element.set(attribute, prefix + self._keep(self._find(file, [where, base]), element))
             if element.tag == "model" and (file := element.get("file")):
                 element.set("file", prefix + self._keep_model(self._find(file, [base]), element))
 
@@ -160,7 +170,9 @@ class Copier:
                 return path
         raise InputError(f"no file '{file}' in {' or '.join(repr(str(folder)) for folder in folders)}")
 
-    def _keep(self, path: Path) -> str:
+    def _keep(self, path: Path, element: ET.Element) -> str:
+        require_within(path, self._tree)
+        require_kind(path, element)
         name = self._free(path)
         target = self._folder / ASSETS / name
         if not target.exists():
@@ -170,12 +182,12 @@ class Copier:
         return name
 
     def _keep_model(self, path: Path, element: ET.Element) -> str:
+        require_within(path, self._tree)
         name = self._free(path)
         target = self._folder / ASSETS / name
         if not target.exists():
             root = self.read(path, path.parent, prefix="")
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+            write_text(target, ET.tostring(root, encoding="unicode") + "\n")
             self.copied.files.append(name)
         return name
 
@@ -217,6 +229,11 @@ class Copier:
         element.attrib.clear()
         element.attrib.update({"name": name, **attributes})
         self.copied.names.append(name)
+
+
+def _unread(element: ET.Element) -> bool:
+    """Whether MuJoCo does not read the files that an element names: it makes the texture itself."""
+    return element.tag == "texture" and element.get("builtin", "none") != "none"
 
 
 def _beside(base: Path, folder: str | None, otherwise: Path) -> Path:
@@ -261,7 +278,7 @@ def differences(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
 
 def _fields(first: Any, second: Any, within: str = "") -> Iterator[tuple[str, Any, Any]]:
     for name in dir(first):
-        if name.startswith(("_", "name_")) or name.endswith("_pathadr") or name in _NAMES:
+        if name.startswith(("_", "name_")) or name.endswith(("_pathadr", "_contenttypeadr")) or name in _NAMES:
             continue
         value = getattr(first, name)
         if isinstance(value, np.ndarray | int | float):

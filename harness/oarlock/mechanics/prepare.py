@@ -3,12 +3,11 @@
 import copy
 
 import mujoco
-import numpy as np
 
-from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Settings
 from oarlock.cases.integrators import INTEGRATORS, Integrator, IntegratorName
+from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
 
 _NUMBERS = {name: int(getattr(mujoco.mjtIntegrator, one.mjt)) for name, one in INTEGRATORS.items()}
@@ -53,8 +52,7 @@ def prepare(
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if timestep_s is not None:
         model.opt.timestep = timestep_s
-    if not (np.isfinite(model.opt.timestep) and model.opt.timestep > 0):
-        raise InputError(f"timestep of the model = {model.opt.timestep:g} s, expected a finite number > 0")
+    require_timestep(model.opt.timestep)
     if settings.solver is not None:
         model.opt.solver = SOLVERS[settings.solver]
     if settings.solref is not None:

@@ -9,6 +9,7 @@ reaction and makes none ambiguous.
 import mujoco
 import numpy as np
 
+from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Reactions
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.rows import closing_jacobian
@@ -41,7 +42,12 @@ def unique_reactions(model: mujoco.MjModel, data: mujoco.MjData, rank: int) -> d
     mujoco.mj_fullM(model, data, mass)
     sizes = np.abs(jacobian).max(axis=1)
     rows = np.flatnonzero(sizes > ZERO_ROW * sizes.max())
-    scaled = np.linalg.solve(np.linalg.cholesky(mass), jacobian[rows].T).T
+    try:
+        scaled = np.linalg.solve(np.linalg.cholesky(mass), jacobian[rows].T).T
+    except np.linalg.LinAlgError:
+        raise InputError(
+            "the mass matrix is not positive definite at the start, expected masses, inertias and armatures > 0"
+        ) from None
     null = np.linalg.svd(scaled)[0][:, rank:]
     part = np.zeros(ne)
     part[rows] = np.linalg.norm(null, axis=1)  # the same for every basis of the null space

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from oarlock.base.errors import InputError
+from oarlock.base.files import uninterrupted
 
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
 """Names in the folder of a report. A folder that holds anything else is not replaced."""
@@ -56,7 +57,9 @@ def write_whole(target: Path, write: Callable[[Path], None]) -> Path:
     Raises:
         InputError: the folder cannot be written.
     """
+    place = target
     try:
+        target = target.resolve()  # of a link, what it leads to
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
         try:
@@ -66,14 +69,19 @@ def write_whole(target: Path, write: Callable[[Path], None]) -> Path:
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
     except OSError as error:
-        raise InputError(f"cannot write the report to '{target}': {error.strerror or error}") from None
-    return target
+        raise InputError(f"cannot write the report to '{place}': {error.strerror or error}") from None
+    return place
 
 
 def _replace(target: Path, new: Path) -> None:
-    old = target.with_name(f".{target.name}.old")
-    shutil.rmtree(old, ignore_errors=True)
-    if target.exists():
-        os.replace(target, old)
-    os.replace(new, target)
+    old = new.with_name(f"{new.name}.old")  # a name that is nobody's
+    with uninterrupted():
+        if target.exists():
+            os.replace(target, old)
+        try:
+            os.replace(new, target)
+        except OSError:
+            if old.exists():
+                os.replace(old, target)
+            raise
     shutil.rmtree(old, ignore_errors=True)

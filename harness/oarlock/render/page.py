@@ -3,10 +3,11 @@
 import contextlib
 import functools
 import hashlib
+import html
 import json
 import os
 import re
-import tempfile
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,9 @@ import altair as alt
 import vl_convert
 from markdown_it import MarkdownIt
 
+from oarlock.base.errors import InputError
+from oarlock.base.files import write_text
+from oarlock.base.text import one_line, short_name
 from oarlock.render.template import render
 
 _EMBED = "window.vegaEmbed = vegaEmbed;"
@@ -31,12 +35,41 @@ class Figure:
 
     @functools.cached_property
     def spec(self) -> str:
-        """The chart as JSON. It takes long to make, so the drawing and the page share it."""
-        return json.dumps(self.chart.to_dict(), sort_keys=True)
+        """The chart as JSON, its text harmless. It takes long to make, so the drawing and the page share it."""
+        return json.dumps(_harmless(self.chart.to_dict()), sort_keys=True)
 
     def svg(self) -> str:
-        """Draws the chart as SVG."""
+        """The chart as SVG."""
+        return self._drawing
+
+    @functools.cached_property
+    def _drawing(self) -> str:
         return vl_convert.vegalite_to_svg(self.spec)
+
+
+def _harmless(value: Any) -> Any:
+    """A chart's document with its text made visible, and long names short: one of these stops the chart library."""
+    if isinstance(value, dict):
+        return {key: _harmless(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_harmless(entry) for entry in value]
+    return short_name(value) if isinstance(value, str) else value
+
+
+def drawable(figures: Sequence[Figure]) -> list[Figure]:
+    """The figures that the chart library draws. One that it cannot draw costs its figure only, and a warning."""
+    found = []
+    for figure in figures:
+        try:
+            figure.svg()
+        except BaseException as error:
+            # A panic of the chart library is no Exception.
+            if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+                raise
+            warnings.warn(f"figure '{figure.name}' is not drawn: {one_line(error)[:200]}", stacklevel=2)
+        else:
+            found.append(figure)
+    return found
 
 
 def page(
@@ -55,7 +88,7 @@ def page(
 
     def figure(self: Any, tokens: Any, index: int, options: Any, env: Any) -> str:
         name = Path(str(tokens[index].attrs["src"])).stem
-        return f'<span class="chart" id="chart-{name}"></span>'
+        return f'<span class="chart" id="chart-{html.escape(name)}"></span>'
 
     def link(self: Any, tokens: Any, index: int, options: Any, env: Any) -> str:
         target = str(tokens[index].attrs["href"])
@@ -97,9 +130,6 @@ def _library() -> str:
         return kept.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         bundle = vl_convert.javascript_bundle(_EMBED)
-    with contextlib.suppress(OSError):  # a cache that cannot be written is none
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", encoding="utf-8", dir=folder, delete=False) as file:
-            file.write(bundle)
-        os.replace(file.name, kept)
+    with contextlib.suppress(InputError):  # a cache that cannot be written is none
+        write_text(kept, bundle)
     return bundle

@@ -1,24 +1,22 @@
 """The templates of the package, with the filters that they know."""
 
-import json
 import re
 from typing import Any
 
 import jinja2
 
 from oarlock.base.numbers import figure
+from oarlock.base.text import markdown as cell
+from oarlock.base.text import markdown_code, one_line, toml_string
 
-
-def cell(value: Any) -> str:
-    """Escapes text so that it stays inside its cell of a Markdown table."""
-    return re.sub(r"([\\`*{}\[\]<>#|!])", r"\\\1", str(value))
+__all__ = ["cell", "render", "toml", "toml_key"]
 
 
 def toml(value: Any) -> str:
     """Writes a value as TOML: numbers with all their digits, strings, and lists of them."""
     if isinstance(value, list):
         return f"[{', '.join(map(toml, value))}]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+    return toml_string(value) if isinstance(value, str) else repr(value)
 
 
 def toml_key(name: str) -> str:
@@ -33,7 +31,8 @@ _TEMPLATES = jinja2.Environment(
     keep_trailing_newline=True,
     undefined=jinja2.StrictUndefined,
 )
-_TEMPLATES.filters |= {"number": figure, "cell": cell, "toml": toml, "key": toml_key}
+_TEMPLATES.filters |= {"number": figure, "cell": cell, "code": markdown_code, "line": one_line}
+_TEMPLATES.filters |= {"toml": toml, "key": toml_key}
 _ESCAPING = _TEMPLATES.overlay(autoescape=True)
 
 

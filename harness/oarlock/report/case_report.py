@@ -9,15 +9,16 @@ import json
 from pathlib import Path
 from typing import Any
 
+from oarlock.base.files import write_text
 from oarlock.render.folder import CONTENTS, require_report, write_whole
-from oarlock.render.page import Figure, page
+from oarlock.render.page import Figure, drawable, page
 from oarlock.render.template import render
 from oarlock.report import figures
 from oarlock.report.costs import Costs, times_of_reference
 from oarlock.report.statements import Compared, statements
 from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES, shown
-from oarlock.tables.folder import OCCASION, ResultFolder, occasion_of
+from oarlock.tables.folder import OCCASION, ResultFolder, believing, occasion_of
 
 
 def draw(tables: Tables) -> list[Figure]:
@@ -115,18 +116,18 @@ def write_report(results: Path, target: Path) -> Path:
     Raises:
         InputError: the results are missing or damaged, or the target cannot be written or is not a report.
     """
-    tables = Tables(ResultFolder(results))
     require_report(target, CONTENTS)
-    drawn = draw(tables)
-    text = markdown(tables, drawn)
+    with believing(results):
+        tables = Tables(ResultFolder(results))
+        drawn = drawable(draw(tables))
+        text = markdown(tables, drawn)
     return write_whole(target, lambda folder: _write(folder, tables, text, drawn))
 
 
 def _write(folder: Path, tables: Tables, text: str, drawn: list[Figure]) -> None:
-    (folder / "figures").mkdir()
     for figure in drawn:
-        (folder / "figures" / f"{figure.name}.svg").write_text(figure.svg(), encoding="utf-8")
-    (folder / "README.md").write_text(text, encoding="utf-8")
-    (folder / "index.html").write_text(html(tables, text, drawn), encoding="utf-8")
+        write_text(folder / "figures" / f"{figure.name}.svg", figure.svg())
+    write_text(folder / "README.md", text)
+    write_text(folder / "index.html", html(tables, text, drawn))
     for name, content in (("timings.json", timings(tables)), ("provenance.json", tables.provenance)):
-        (folder / name).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_text(folder / name, json.dumps(content, indent=1) + "\n")

@@ -14,12 +14,12 @@ from typing import Any
 from oarlock.base.errors import InputError
 from oarlock.base.files import write_text
 from oarlock.render.folder import require_same_page
-from oarlock.render.page import Figure, page
+from oarlock.render.page import Figure, drawable, page
 from oarlock.render.template import render
 from oarlock.report import summary_figures as figures
 from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES
-from oarlock.tables.folder import OCCASION, ResultFolder
+from oarlock.tables.folder import OCCASION, ResultFolder, believing
 from oarlock.tables.ledger import Ledger
 
 DIGITS = 6
@@ -56,7 +56,7 @@ class Line:
     """
 
     def __init__(self, path: Path):
-        self.ledger = Ledger.read(path)
+        self.ledger = Ledger.read(path, strict=True)
         self.name, self.slug = self.ledger.case or path.name, path.name
         self.refused, self.failures = self.ledger.refused, self.ledger.failures()
         try:
@@ -255,9 +255,10 @@ def write_summary(folders: Sequence[Path], target: Path) -> Path:
     Raises:
         InputError: results are damaged, or the target cannot be written.
     """
-    summary = Summary(folders)
-    tracked, timed = draw(summary)
-    text = render("summary.md.j2", summary=summary, figures=tracked, solvers=figures.SOLVERS)
+    with believing(folders[0].parent if folders else target):
+        summary = Summary(folders)
+        tracked, timed = map(drawable, draw(summary))
+        text = render("summary.md.j2", summary=summary, figures=tracked, solvers=figures.SOLVERS)
     require_same_page(target / "README.md", text)
     for figure in tracked:
         write_text(target / "figures" / f"{figure.name}.svg", figure.svg())

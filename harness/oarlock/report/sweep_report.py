@@ -11,7 +11,7 @@ from oarlock.base.errors import InputError
 from oarlock.base.files import write_text
 from oarlock.cases.point import DISTURBANCE
 from oarlock.render.charts import WIDTH, colour, log_axis, log_scale
-from oarlock.render.page import Figure, page
+from oarlock.render.page import Figure, drawable, page
 from oarlock.render.template import render
 from oarlock.tables.figures import shown
 from oarlock.tables.folder import OCCASION, ResultFolder, occasion_of
@@ -116,6 +116,7 @@ def write_sweep_report(results: Path, target: Path) -> Path:
         tracked += [Figure(axis["key"], caption, found)] if found else []
         found = chart([_timed(row) for row in rows], axis, _TIMED)
         timed += [Figure(f"{axis['key']}-time", more, found)] if found else []
+    tracked, timed = drawable(tracked), drawable(timed)
     small = [
         row for row in rows if row["solver"] == "mujoco" and 0 < row["point"].get("solref", 0) < 2 * row["timestep_s"]
     ]

@@ -5,7 +5,6 @@ from typing import Any
 import polars as pl
 
 from oarlock.base.errors import InputError
-from oarlock.base.files import reading
 from oarlock.cases.equality_kinds import KINDS
 from oarlock.report import figures
 from oarlock.tables.folder import ResultFolder
@@ -80,10 +79,10 @@ class Tables:
 
     def steps(self, row: dict[str, Any], *columns: str) -> pl.DataFrame:
         """Returns columns of the steps of a run, condensed if it is long."""
-        with reading(self.folder.steps_path(row["run"])) as path:
-            return figures.condensed(pl.scan_parquet(path).select("step", *columns), row["steps_done"])
+        with self.folder.scanning(row["run"]) as table:
+            return figures.condensed(table.select("step", *columns), row["steps_done"])
 
     def counted(self, row: dict[str, Any], column: str) -> pl.DataFrame:
         """Counts the steps with each value of a column, in the column ``len``."""
-        with reading(self.folder.steps_path(row["run"])) as path:
-            return pl.scan_parquet(path).group_by(column).len().collect(engine="streaming")
+        with self.folder.scanning(row["run"]) as table:
+            return table.group_by(column).len().collect(engine="streaming")

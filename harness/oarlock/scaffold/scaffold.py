@@ -15,11 +15,13 @@ import numpy as np
 import polars as pl
 
 from oarlock.base.errors import InputError, RefusedError, few, one_line
+from oarlock.base.files import write_text
 from oarlock.base.progress import Progress
 from oarlock.cases import case as cases
 from oarlock.cases.case import Case, load_case
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.session import run
+from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.mechanics.mjcf import Copied, copy_model
 from oarlock.mechanics.names import Equality, coordinates, element_name, equalities
 from oarlock.mechanics.reactions import verdict
@@ -146,7 +148,7 @@ def models_folder() -> Path | None:
 
 
 def new_model(
-    name: str, source: Path, to: Path | None = None, progress: Progress | None = None
+    name: str, source: Path, to: Path | None = None, progress: Progress | None = None, *, outside: bool = False
 ) -> tuple[Path, Scaffold]:
     """Writes the folder of a new case.
 
@@ -155,6 +157,7 @@ def new_model(
         source: an MJCF file.
         to: the folder that gets the new one; if None the models of the checkout, or the working folder.
         progress: listens to the runs that the bounds are measured with.
+        outside: whether files that the model names outside its folder are copied as well.
 
     Returns:
         The new folder, and what was found.
@@ -171,11 +174,13 @@ def new_model(
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InputError(f"'{target}' is there already, expected a new name or an empty folder")
     try:
+        target = target.resolve() if target.is_symlink() else target
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=target.parent) as temporary:
             folder = Path(temporary) / name
             folder.mkdir()
-            scaffold = _write(name, source, folder, _picture(name, target.parent), progress or Progress())
+            with mujoco_ends_in_a_line(source):
+                scaffold = _write(name, source, folder, _picture(name, target.parent), progress or Progress(), outside)
             if target.exists():
                 target.rmdir()
             os.replace(folder, target)
@@ -191,8 +196,8 @@ def _picture(name: str, parent: Path) -> str:
     return f"../results/{name}/report/figures/mechanism.svg"
 
 
-def _write(name: str, source: Path, folder: Path, picture: str, progress: Progress) -> Scaffold:
-    copied = copy_model(source, folder)
+def _write(name: str, source: Path, folder: Path, picture: str, progress: Progress, outside: bool) -> Scaffold:
+    copied = copy_model(source, folder, outside=outside)
     model = folder / "model.xml"
     title = mujoco.MjSpec.from_file(str(model)).modelname
     if title in ("", "MuJoCo Model"):
@@ -208,10 +213,8 @@ def _write(name: str, source: Path, folder: Path, picture: str, progress: Progre
         scaffold = attempt(None)
     except RefusedError as refusal:
         scaffold = attempt(one_line(refusal).partition(", expected")[0])
-    (folder / "README.md").write_text(
-        render("model.md.j2", case=scaffold, found=scaffold.found, picture=picture),
-        encoding="utf-8",
-    )
+    text = render("model.md.j2", case=scaffold, found=scaffold.found, picture=picture)
+    write_text(folder / "README.md", text)
     return scaffold
 
 
@@ -244,7 +247,7 @@ def _run(scaffold: Scaffold, folder: Path, progress: Progress) -> Results:
 
 def _write_case(scaffold: Scaffold, folder: Path) -> Case:
     text = render("case.toml.j2", case=scaffold, found=scaffold.found)
-    (folder / "case.toml").write_text(text, encoding="utf-8")
+    write_text(folder / "case.toml", text)
     return load_case(folder)
 
 

@@ -1,13 +1,13 @@
 """The ledger of a case: which units a suite has finished, so that it can resume. Kept in ``units.json``."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from oarlock.base.errors import InputError
-from oarlock.base.files import replacing, uninterrupted
-from oarlock.tables.folder import ResultFolder
+from oarlock.base.files import uninterrupted, write_bytes
+from oarlock.tables import checksums
+from oarlock.tables.folder import ResultFolder, Sums
 
 NAME = "units.json"
 """Name of the file of a ledger."""
@@ -15,7 +15,6 @@ NAME = "units.json"
 TABLE = "sweep.csv"
 """Name of the file with the table of a sweep."""
 
-_TAIL = 65536
 _KEYS = {"digest", "status", "message", "seconds", "point", "rows", "files", "model"}
 
 
@@ -56,19 +55,6 @@ class Outcome:
     sketch: dict[str, Any] | None = None
 
 
-def fingerprint(path: Path) -> str | None:
-    """Identifies a file by its size and its end, where Parquet has the statistics of all columns; None if missing."""
-    from oarlock.base.hashing import of_text  # whoever only reads a ledger, as a comparison does, needs none
-
-    try:
-        with path.open("rb") as file:
-            size = file.seek(0, 2)
-            file.seek(max(0, size - _TAIL))
-            return f"{size}-{of_text(file.read().hex())}"
-    except OSError:
-        return None
-
-
 class Ledger:
     """The finished and failed units of one case.
 
@@ -76,7 +62,7 @@ class Ledger:
         folder: folder of results of the case.
         case: name of the case.
         refused: why the case cannot be run at all; empty if it can.
-        entries: name of a unit → digest, status, message, seconds, point, rows, files (name → fingerprint), model.
+        entries: name of a unit → digest, status, message, seconds, point, rows, files (name → checksum), model.
     """
 
     def __init__(self, folder: ResultFolder, case: str, refused: str = "", entries: dict[str, Any] | None = None):
@@ -86,16 +72,31 @@ class Ledger:
         self.entries: dict[str, dict[str, Any]] = entries or {}
 
     @classmethod
-    def read(cls, path: Path, case: str = "") -> "Ledger":
-        """Reads the ledger of a folder; an empty one if there is none or it cannot be read."""
+    def read(cls, path: Path, case: str = "", *, strict: bool = False) -> "Ledger":
+        """Reads the ledger of a folder; an empty one if there is none.
+
+        Args:
+            path: the folder.
+            case: name of the case, of an empty ledger.
+            strict: whether one that cannot be read, or is not what was written, is an error; otherwise as if there
+                were none, so that everything is done again.
+
+        Raises:
+            InputError: as ``strict`` says.
+        """
         folder = ResultFolder(path)
         try:
             content = folder.read_json(NAME)
             entries = content["units"]
             if all(set(entry) == _KEYS for entry in entries.values()):
                 return cls(folder, content["case"], content["refused"], entries)
-        except (InputError, KeyError, TypeError, AttributeError):
+        except InputError:
+            if strict and (path / NAME).exists():
+                raise
+        except (KeyError, TypeError, AttributeError):
             pass
+        if strict and (path / NAME).exists():
+            raise InputError(f"'{path / NAME}' is not a ledger, expected what 'oarlock suite --out' wrote")
         return cls(folder, case)
 
     def write(self) -> None:
@@ -111,7 +112,7 @@ class Ledger:
         entry = self.entries.get(unit)
         if entry is None or entry["status"] != "done" or entry["digest"] != digest:
             return False
-        return all(fingerprint(self.folder.path / name) == mark for name, mark in entry["files"].items())
+        return all(checksums.of_file(self.folder.path / name) == mark for name, mark in entry["files"].items())
 
     def keep(self, unit: str, digest: str, point: dict[str, Any], outcome: Outcome) -> None:
         """Writes what a unit returned, all of it or nothing; the tables first, so that what the ledger names exists.
@@ -131,13 +132,12 @@ class Ledger:
     def _keep(self, unit: str, digest: str, point: dict[str, Any], outcome: Outcome) -> None:
         files = dict(outcome.files)
         if outcome.sketch is not None:
-            files["sketch.json"] = (json.dumps(outcome.sketch, indent=1, ensure_ascii=False) + "\n").encode()
+            files["sketch.json"] = checksums.sealed(outcome.sketch, 1)
         marks = {}
         for name, content in files.items():
             path = self.folder.path / name
-            with replacing(path) as temporary:
-                temporary.write_bytes(content)
-            marks[name] = fingerprint(path)
+            write_bytes(path, content)
+            marks[name] = checksums.of_bytes(content)
         failure = outcome.failure
         self.entries[unit] = {
             "digest": digest,
@@ -171,6 +171,11 @@ class Ledger:
         """Returns the summary rows of the finished units: of the case's own experiments, or of a sweep."""
         done = [entry for entry in self.entries.values() if entry["status"] == "done" and bool(entry["point"]) == sweep]
         return [row for entry in done for row in entry["rows"]]
+
+    def sums(self) -> Sums:
+        """Returns the checksums of the tables of the finished units, by their names within the folder."""
+        done = [entry["files"] for entry in self.entries.values() if entry["status"] == "done"]
+        return {name: mark for files in done for name, mark in files.items() if name.endswith(".parquet")}
 
     def model(self) -> dict[str, Any] | None:
         """Returns the description of the model; None if the unit that gives it was not finished."""

@@ -11,6 +11,7 @@ from polars.io.plugins import register_io_source
 
 from oarlock.base.errors import DiskError
 from oarlock.base.files import reason
+from oarlock.tables import parquet
 from oarlock.tables.folder import GROUP
 
 Schema = Mapping[str, pl.DataType | type[pl.DataType]]
@@ -80,7 +81,7 @@ class Spool:
         """
         wanted = list(columns) if columns is not None else list(self._schema)
         for part in self._parts:
-            yield pl.read_parquet(part, columns=wanted)
+            yield parquet.read(part, wanted)
         if self._held or not self._parts:
             yield self._rest().select(wanted)
 
@@ -117,6 +118,7 @@ class Spool:
                 self._home = self._make_home()
                 weakref.finalize(self, shutil.rmtree, self._home, ignore_errors=True)
             part = self._home / f"{len(self._parts):06}.parquet"
+            part = part.absolute()  # to polars a tilde is somebody's home
             self._rest().write_parquet(part, compression="zstd", compression_level=1, row_group_size=GROUP)
         except (OSError, pl.exceptions.ComputeError) as error:
             where = self._home or self._folder or tempfile.gettempdir()

@@ -5,7 +5,6 @@ digits, and the loops would come out open again. Files that the model names stay
 new place. That the copy is the same model is checked: both are compiled, and every array must be equal bit for bit.
 """
 
-import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -13,8 +12,10 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.files import replacing
+from oarlock.diagnosis.edit.referrer import Referrer, folder_of
 from oarlock.mechanics.load import load_model
-from oarlock.mechanics.mjcf import Copier, differences
+from oarlock.mechanics.mjcf import differences
 from oarlock.mechanics.names import element_name
 
 KEYFRAME = "closed"
@@ -46,13 +47,11 @@ def write_keyframe(
         raise InputError(f"'{source}' is not an MJCF file (.xml), expected one to write a keyframe into")
     if target.resolve() == source.resolve():
         raise InputError(f"'{target}' is the model itself, expected another file to write the keyframe to")
-    if not target.parent.is_dir():
-        raise InputError(f"'{target}' cannot be written: no folder '{target.parent}'")
+    copier = Referrer(folder_of(target))
     original = load_model(source)
     taken = {element_name(original, mujoco.mjtObj.mjOBJ_KEY, key) for key in range(original.nkey)}
     names = (KEYFRAME if count == 1 else f"{KEYFRAME}{count}" for count in range(1, len(taken) + 2))
     name = next(name for name in names if name not in taken)
-    copier = _Referrer(target.parent)
     root = copier.read(source, source.parent, prefix="")
     values = {"qpos": qpos, "qvel": qvel, "ctrl": ctrl}
     given = {key: value for key, value in values.items() if value is not None and np.any(value)}
@@ -65,28 +64,10 @@ def write_keyframe(
     for attribute, value in given.items():
         key.set(attribute, " ".join(map(repr, np.asarray(value, dtype=float).tolist())))
     text = copier.header + ET.tostring(root, encoding="unicode") + "\n"
-    try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"'{target}' cannot be written: {one_line(error.strerror)}") from None
-    _require_same(source, target, original, name, qpos)
+    with replacing(target) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+        _require_same(source, temporary, original, name, qpos)
     return name
-
-
-class _Referrer(Copier):
-    """Names the files where they are instead of copying them."""
-
-    def _keep(self, path: Path) -> str:
-        return self._from_here(path)
-
-    def _keep_model(self, path: Path, element: ET.Element) -> str:
-        return self._from_here(path)
-
-    def _from_here(self, path: Path) -> str:
-        try:
-            return Path(os.path.relpath(path.resolve(), self._folder.resolve())).as_posix()
-        except ValueError:  # another drive
-            return path.resolve().as_posix()
 
 
 def _require_same(source: Path, target: Path, original: mujoco.MjModel, name: str, qpos: np.ndarray) -> None:

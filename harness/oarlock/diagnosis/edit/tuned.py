@@ -4,15 +4,16 @@ MuJoCo's own writer rounds numbers to six digits, which opens a loop that was cl
 pasted in, and files are referred to from where the copy lies. That nothing else changed is checked array by array.
 """
 
-import os
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.files import replacing, write_text
 from oarlock.cases.equality_kinds import KIND_OF
+from oarlock.diagnosis.edit.referrer import Referrer, folder_of
 from oarlock.diagnosis.runs.trials import Setting
 from oarlock.mechanics.load import load_model
-from oarlock.mechanics.mjcf import Copier, differences
+from oarlock.mechanics.mjcf import differences
 
 
 def write_tuned(source: Path, out: Path, setting: Setting) -> list[Path]:
@@ -34,30 +35,31 @@ def write_tuned(source: Path, out: Path, setting: Setting) -> list[Path]:
         raise InputError(f"{source} builds its model by a script, expected an MJCF file to write a tuned copy of")
     if out.resolve() == source.resolve():
         raise InputError(f"'{out}' is the model itself, expected another file for its tuned copy")
+    copier = _Tuner(out, setting)
     wanted = load_model(source)
     setting.apply(wanted)
-    copier = _Tuner(out, setting)
     root = copier.read(source, source.parent, prefix="")
     if root.find("option") is None:
         ET.SubElement(root, "option")
     copier.tune(root)
-    copier.write(out, root, copier.header)
-    try:
-        different = differences(wanted, load_model(out))
-    except InputError as error:
-        raise InputError(f"{source}: its tuned copy does not load: {one_line(error)}") from None
-    if different:
-        raise InputError(f"{source}: its tuned copy '{out}' has another {different[0]}, expected the same model")
-    return copier.written
+    with replacing(out) as temporary:
+        temporary.write_text(copier.header + ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+        try:
+            different = differences(wanted, load_model(temporary))
+        except InputError as error:
+            raise InputError(f"{source}: its tuned copy does not load: {one_line(error)}") from None
+        if different:
+            raise InputError(f"{source}: its tuned copy '{out}' has another {different[0]}, expected the same model")
+    return [*copier.beside, out]
 
 
-class _Tuner(Copier):
+class _Tuner(Referrer):
     """Refers to files where they are, and sets every equality."""
 
     def __init__(self, out: Path, setting: Setting):
-        super().__init__(out.parent)
+        super().__init__(folder_of(out))
         self._out, self._setting = out, setting
-        self.written: list[Path] = []
+        self.beside: list[Path] = []
 
     def tune(self, root: ET.Element) -> bool:
         """Sets the equalities and options of a tree; says whether it has any.
@@ -73,25 +75,14 @@ class _Tuner(Copier):
             option.attrib.update(self._setting.option_attributes())
         return bool(found or options)
 
-    def write(self, path: Path, root: ET.Element, header: str = "") -> None:
-        """Writes a tree.
-
-        Raises:
-            InputError: it cannot be written.
-        """
-        try:
-            path.write_text(header + ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"'{path}' cannot be written: {one_line(error)}") from None
-        self.written.append(path)
-
-    def _keep(self, path: Path) -> str:
-        return Path(os.path.relpath(path.resolve(), self._out.parent.resolve())).as_posix()
-
     def _keep_model(self, path: Path, element: ET.Element) -> str:
         root = self.read(path, path.parent, prefix="")
         if not self.tune(root):
-            return self._keep(path)
+            return self._keep(path, element)
         name = self._free(path.with_name(f"{self._out.stem}-{path.name}"))
-        self.write(self._out.with_name(name), root)
+        if self._from is None:
+            raise InputError(f"'{self._out}' is no file, expected one: a tuned copy of '{path}' has to lie beside it")
+        beside = self._from / name
+        write_text(beside, ET.tostring(root, encoding="unicode") + "\n")
+        self.beside.append(beside)
         return name

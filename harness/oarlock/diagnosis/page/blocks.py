@@ -7,19 +7,13 @@ What is left to those who write them is to escape them.
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from oarlock.base.errors import one_line
+from oarlock.base.text import one_line as plain
 
 if TYPE_CHECKING:  # charts take long to import, and a terminal has none
     from oarlock.render.page import Figure
 
 STILL = "mechanism"
 """Name of the drawing that stands for the moving mechanism where nothing moves."""
-
-
-def plain(text: object) -> str:
-    """A text on one line; characters that do not print, or that turn the direction of writing, by their number."""
-    line = one_line(text)
-    return line if line.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,13 @@
 """The report of an examination: one page without outside references, the same as Markdown with drawings, a fragment."""
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import vl_convert
-
+from oarlock.base.files import write_text
+from oarlock.base.text import markdown
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.page import pictures
 from oarlock.diagnosis.page.blocks import STILL, Chapter, Picture, Stage, plain
@@ -16,19 +17,16 @@ from oarlock.diagnosis.page.chapters.head import head
 from oarlock.diagnosis.page.motion import Motion, motion, still
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.render.folder import require_report, write_whole
-from oarlock.render.page import Figure, script_json, script_library
+from oarlock.render.page import Figure, drawable, script_json, script_library
 from oarlock.render.template import render
 
 CONTENTS = ("README.md", "figures", "index.html")
 """What a report consists of. A folder that holds anything else is not replaced."""
 
-_MARKUP = re.compile(r"([\\`*{}\[\]<>#|!&~$^]|(?<![^\W_])_|_(?![^\W_]))")
-
 
 def markdown_text(text: object) -> str:
     """Text that stays text in Markdown, in a sentence and in a cell, and leads nowhere."""
-    escaped = _MARKUP.sub(r"\\\1", plain(text))
-    return re.sub(r"(?i)\b(www)\.", r"\1\\.", escaped.replace("://", ":\\//"))
+    return re.sub(r"(?i)\b(www)\.", r"\1\\.", markdown(text).replace("://", ":\\//"))
 
 
 def write_page(exam: Examination, found: Sequence[Finding], folder: Path) -> Path:
@@ -49,7 +47,10 @@ def write_page(exam: Examination, found: Sequence[Finding], folder: Path) -> Pat
     every = _illustrated(exam, moving)
     values = _values(exam, found, every)
     drawn = [block.figure for chapter in every for block in chapter.blocks if isinstance(block, Picture)]
-    specs = {figure.name: figure.chart.to_dict() for figure in drawn}
+    specs = {figure.name: json.loads(figure.spec) for figure in drawn}
+    drawings = {figure.name: figure.svg() for figure in drawn}
+    if moving:
+        drawings[STILL] = still(moving)
     page = render(
         "check.page.html.j2",
         escaping=True,
@@ -59,7 +60,7 @@ def write_page(exam: Examination, found: Sequence[Finding], folder: Path) -> Pat
         library=script_library(),
     )
     text = render("check.md.j2", **values, md=markdown_text)
-    return write_whole(folder, lambda new: _write(new, text, page, specs, moving))
+    return write_whole(folder, lambda new: _write(new, text, page, drawings))
 
 
 def html_fragment(exam: Examination, found: Sequence[Finding]) -> str:
@@ -67,14 +68,12 @@ def html_fragment(exam: Examination, found: Sequence[Finding]) -> str:
     return render("check.fragment.html.j2", escaping=True, **_values(exam, found, chapters(exam)))
 
 
-def _write(folder: Path, text: str, page: str, specs: dict[str, Any], moving: Motion | None) -> None:
+def _write(folder: Path, text: str, page: str, drawings: dict[str, str]) -> None:
     (folder / "figures").mkdir()
-    for name, spec in specs.items():
-        (folder / "figures" / f"{name}.svg").write_text(vl_convert.vegalite_to_svg(spec), encoding="utf-8")
-    if moving is not None:
-        (folder / "figures" / f"{STILL}.svg").write_text(still(moving), encoding="utf-8")
-    (folder / "README.md").write_text(text, encoding="utf-8")
-    (folder / "index.html").write_text(page, encoding="utf-8")
+    for name, drawing in drawings.items():
+        write_text(folder / "figures" / f"{name}.svg", drawing)
+    write_text(folder / "README.md", text)
+    write_text(folder / "index.html", page)
 
 
 def _illustrated(exam: Examination, moving: Motion | None) -> list[Chapter]:
@@ -88,7 +87,9 @@ def _illustrated(exam: Examination, moving: Motion | None) -> list[Chapter]:
     }
     every = chapters(exam)
     for chapter in every:
-        blocks: list[Picture | Stage] = [Picture(figure) for figure in figures.get(chapter.name, []) if figure]
+        blocks: list[Picture | Stage] = [
+            Picture(figure) for figure in drawable([one for one in figures.get(chapter.name, []) if one])
+        ]
         if chapter.name == "drift" and moving is not None:
             blocks.insert(0, Stage(moving.caption))
         chapter.illustrate(blocks)
