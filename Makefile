@@ -25,7 +25,7 @@ run: setup
 ifeq ($(MODEL),)
 	$(BIN)/oarlock suite --out build/results --report reports
 else
-	$(BIN)/oarlock run $(MODEL) --out build/results/$(FOLDER) --report reports/$(FOLDER)
+	$(BIN)/oarlock run $(MODEL) --replace --out build/runs/$(FOLDER) --report reports/$(FOLDER)
 endif
 
 test: setup

@@ -52,8 +52,13 @@ def run(
     ] = False,
     stepping: Annotated[str, typer.Option(help=f"The path that steps: {one_of(get_args(Stepping))}")] = "auto",
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the tables [default: results/MODEL].")
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for the tables [default: results/MODEL, or results/MODEL-2 … where that holds other results].",
+        ),
     ] = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Let go other results that the folder holds.")] = False,
     to: Annotated[
         Path | None, typer.Option("--report", metavar="DIR", help="Write the report too, as 'oarlock report' does.")
     ] = None,
@@ -77,7 +82,10 @@ def run(
     if to:
         _require_place(to, folder)
     with bar() as progress:
-        results = session.run(model, options, out=folder, progress=progress)
+        if out is None and not replace:
+            results = session.run_beside(model, options, folder, progress)
+        else:
+            results = session.run(model, options, out=folder, replace=replace, progress=progress)
     if as_json:
         emit_json(results.document(), as_json)
     if as_json != "-":

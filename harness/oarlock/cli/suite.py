@@ -34,6 +34,14 @@ def suite(
     ] = None,
     as_json: JsonOption = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Do everything anew, also what is finished.")] = False,
+    unit_timeout: Annotated[
+        float,
+        typer.Option(
+            metavar="S",
+            min=0.0,
+            help="Time that a run may take before its worker is ended and it is done once more, in s; 0: no limit.",
+        ),
+    ] = 21600.0,
     sweep: Annotated[
         list[str] | None,
         typer.Option(
@@ -53,6 +61,7 @@ def suite(
         "jobs": jobs,
         "scheduler": scheduler,
         "fresh": fresh,
+        "unit_timeout": unit_timeout,
     }
     with bar(always=True) as progress:
         if sweep:
