@@ -25,6 +25,7 @@ from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task, Walk
+from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.aggregate import summarise
@@ -145,7 +146,8 @@ def run_unit(unit: Unit) -> Outcome:
     """Does a unit. A mistake or an error ends in its outcome, never in an exception."""
     began = time.perf_counter()
     try:
-        outcome = _run(unit)
+        with quiet_engine():
+            outcome = _run(unit)
     except InputError as error:
         outcome = Outcome(Failure("refused", one_line(error)))
     except Exception as error:

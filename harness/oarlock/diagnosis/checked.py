@@ -101,16 +101,18 @@ def begun(file: str | Path, options: CheckOptions) -> "Examination":
         InputError: as ``check``.
     """
     from oarlock.diagnosis.examination import begin
+    from oarlock.mechanics.load import quiet_engine
 
-    with _one_thread():
+    with _one_thread(), quiet_engine():
         return begin(str(file), options)
 
 
 def parts(examination: "Examination") -> Iterator[str]:
     """Looks at the model; gives the name of every part of the examination as soon as it is there."""
     from oarlock.diagnosis.examination import examine
+    from oarlock.mechanics.load import quiet_engine
 
-    with _one_thread():
+    with _one_thread(), quiet_engine():
         yield from examine(examination)
 
 
@@ -122,8 +124,10 @@ def _one_thread() -> threadpool_limits:
 def judged(examination: "Examination") -> Checked:
     """The answer to an examination that is complete."""
     from oarlock.diagnosis.verdict.verdicts import judge
+    from oarlock.mechanics.load import quiet_engine
 
-    return Checked(examination, judge(examination, examination.options.fail_above))
+    with quiet_engine():
+        return Checked(examination, judge(examination, examination.options.fail_above))
 
 
 @takes(CheckOptions)

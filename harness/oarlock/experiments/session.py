@@ -22,6 +22,7 @@ from oarlock.experiments.outcome import Results
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task
+from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables.aggregate import judge, summarise
 from oarlock.tables.folder import ResultFolder
@@ -77,6 +78,11 @@ class _HeldError(InputError):
 
 
 def _run(case: Case, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
+    with quiet_engine():
+        return _run_quietly(case, options, folder, replace, progress)
+
+
+def _run_quietly(case: Case, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
     tasks = plan(case, options)
     laboratory = Laboratory(case, options.conditions, stepping=options.stepping, tick=progress.advance, folder=folder)
     setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)

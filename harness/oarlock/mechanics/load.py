@@ -64,6 +64,19 @@ def collected_warnings() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
+@contextmanager
+def quiet_engine() -> Iterator[None]:
+    """Keeps MuJoCo from its own words in the block: the status of a run tells that it went wrong.
+
+    Except what a status does not tell: that MuJoCo's memory did not suffice becomes a warning of Python's.
+    """
+    with collected_warnings() as said:
+        yield
+    short = (re.sub(r"\s*Time = .*", "", one_line(text)) for text in said if "memory" in text)
+    for text in dict.fromkeys(short):
+        warnings.warn(f"MuJoCo warns: {text}", stacklevel=3)
+
+
 def _attribute_with_nan(path: Path) -> str:
     found = re.search(rb"""\w+\s*=\s*(["'])[^"']*\bnan\b[^"']*\1""", path.read_bytes(), re.IGNORECASE)
     return one_line(found[0].decode(errors="replace")) if found else "an attribute"
