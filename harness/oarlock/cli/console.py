@@ -28,6 +28,21 @@ JsonOption = Annotated[
 ]
 
 
+def _no_code(asked: bool) -> None:
+    if asked:
+        from oarlock.cases.case import NO_CODE  # most commands need no cases
+
+        os.environ[NO_CODE] = "1"
+
+
+NoCodeOption = Annotated[
+    bool,
+    typer.Option(
+        "--no-code", callback=_no_code, help="Refuse models that are code (model.py) and do not come with oarlock."
+    ),
+]
+
+
 @contextmanager
 def ends() -> Iterator[None]:
     """How a command ends that is interrupted or whose reader has gone. typer would give both another status."""

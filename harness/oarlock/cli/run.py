@@ -12,7 +12,7 @@ from oarlock.cases.case import load_case
 from oarlock.cases.case_file import Stabilisation
 from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
-from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, one_of, say
+from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, console, emit_json, ends, one_of, say
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
@@ -63,6 +63,7 @@ def run(
         Path | None, typer.Option("--report", metavar="DIR", help="Write the report too, as 'oarlock report' does.")
     ] = None,
     as_json: JsonOption = None,
+    no_code: NoCodeOption = False,
 ) -> None:
     """Runs a model's comparison. With none of the options before --timestep it runs the experiments of its case."""
     options = RunOptions(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli.bar import bar
-from oarlock.cli.console import JsonOption, emit_json, ends, say
+from oarlock.cli.console import JsonOption, NoCodeOption, emit_json, ends, say
 
 if TYPE_CHECKING:
     from oarlock.batch.suite import Suite
@@ -33,6 +33,7 @@ def suite(
         Path | None, typer.Option("--report", metavar="DIR", help="Folder for the report [default: OUT/report].")
     ] = None,
     as_json: JsonOption = None,
+    no_code: NoCodeOption = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Do everything anew, also what is finished.")] = False,
     unit_timeout: Annotated[
         float,

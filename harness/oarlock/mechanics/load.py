@@ -12,6 +12,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
+from oarlock.cases.case import refuse_code
 
 
 def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
@@ -104,6 +105,7 @@ def _require_sound(path: Path, model: mujoco.MjModel) -> None:
 
 def _build(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
     """Runs a ``model.py``. An error in it becomes one line that names the call."""
+    refuse_code(path)
     module = ModuleType(f"model of {path.parent.name}")
     module.__file__ = str(path)
     call = f"{path}: {join_options('build', parameters)}"
