@@ -377,7 +377,9 @@ def _checked(scheduler: str) -> str:
         except ValueError:
             right = False
         if not right:
-            raise InputError(f"scheduler '{scheduler}', expected {LOCAL} or the address of one, tcp://HOST:PORT")
+            raise InputError(
+                f"scheduler '{scheduler}', expected {LOCAL} or the address of one, tcp://HOST:PORT or tls://HOST:PORT"
+            )
     return scheduler
 
 
