@@ -7,6 +7,7 @@ from pathlib import Path
 from oarlock.base.arguments import require_number
 from oarlock.base.cores import cores
 from oarlock.base.errors import InputError, few
+from oarlock.base.forks import require_threads
 from oarlock.base.lock import locked
 from oarlock.base.progress import Progress
 from oarlock.base.scratch import sweep_up
@@ -107,6 +108,7 @@ def _carried_out(
     unit_timeout: float,
     progress: Progress | None,
 ) -> Suite:
+    require_threads()
     require_number("unit_timeout", unit_timeout, unit="s")
     limit = unit_timeout or None
     progress = progress or Progress()

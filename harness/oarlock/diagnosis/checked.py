@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from oarlock.base.answer import Answer
 from oarlock.base.arguments import complete, takes
+from oarlock.base.forks import require_threads
 from oarlock.base.progress import Progress
 from oarlock.diagnosis.options import CheckOptions
 
@@ -100,6 +101,7 @@ def begun(file: str | Path, options: CheckOptions) -> "Examination":
     Raises:
         InputError: as ``check``.
     """
+    require_threads()
     from oarlock.diagnosis.examination import begin
     from oarlock.mechanics.load import quiet_engine
 

@@ -10,6 +10,7 @@ from oarlock.base.arguments import complete, takes
 from oarlock.base.cores import cores
 from oarlock.base.errors import InputError
 from oarlock.base.files import uninterrupted
+from oarlock.base.forks import require_threads
 from oarlock.base.lock import locked
 from oarlock.base.progress import Progress
 from oarlock.base.scratch import sweep_up
@@ -54,6 +55,7 @@ def run(
     Raises:
         InputError: bad input, or ``out`` holds other results or is in use; finished runs are kept.
     """
+    require_threads()
     options = complete(RunOptions, options, keywords)
     return _run(load_case(model), options, None if out is None else Path(out), replace, progress or Progress())
 
