@@ -16,9 +16,7 @@ import pytest
 from oarlock.batch.workers import LocalWorkers, dispatch
 from places import TESTS
 from suites import alive, stopped_once, stopped_twice
-
-GONE_S = 5.0
-"""Time after which no process may be left, s."""
+from tolerances import GONE_S
 
 PARENT = """
 import sys, threading

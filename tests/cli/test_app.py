@@ -1,5 +1,6 @@
 """The installed command: its exit status, its two streams, and its files, most in a process of its own."""
 
+import contextlib
 import json
 import re
 import signal
@@ -13,6 +14,7 @@ import pytest
 from mechanisms import COMMAND, boat_copy, four_bar, only, write_model
 from oarlock import model_names
 from oarlock.tables.folder import ResultFolder
+from tolerances import SOON_S
 
 CALIBRATION_ONLY = "[[experiments]]\nmode = 'calibration'\n"
 IMPOSSIBLE = "[[gates]]\nfigure = 'drift_pos_max'\nmax = 1e-30\ncause = 'nothing is'\n"
@@ -286,6 +288,30 @@ def test_interruption_keeps_the_finished_runs(tmp_path, number):
         assert len(folder.read_steps(row["run"])) == row["steps_done"] == 12_000
     assert not [path for path in folder.path.rglob("*") if path.name.startswith(".")]
     assert err == "oarlock: interrupted; the runs that were finished are kept\n"
+
+
+LARGE = {
+    "run": ["run", "n_four_bar:N=100", "--mode", "lockstep", "--solver", "pinv", "--solver", "svd"],
+    "in Python": ["run", "n_four_bar:N=100", "--mode", "free", "--stepping", "python"],
+    "suite": ["suite", "n_four_bar:N=100", "--jobs", "1"],
+    "check": ["check", "n_four_bar:N=100", "--duration", "1000"],
+    "bench": ["bench", "--size", "192", "--rounds", "100"],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", LARGE)
+@pytest.mark.parametrize("after_s", [1.0, 6.0])
+def test_an_interruption_waits_for_nothing_large(tmp_path, command, after_s):
+    """At the start, which has its own loops, and in the midst of it."""
+    with subprocess.Popen([COMMAND, *LARGE[command]], cwd=tmp_path, stdout=subprocess.DEVNULL) as process:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(after_s)
+            pytest.fail("too short to be interrupted")
+        began = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+        assert time.monotonic() - began < SOON_S
 
 
 def test_what_was_to_be_ignored_stays_ignored(tmp_path):
