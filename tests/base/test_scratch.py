@@ -34,13 +34,14 @@ def left(folder: Path, name: str) -> Path:
 def test_what_dead_processes_left_goes_and_is_said(system, tmp_path):
     results = tmp_path / "results"
     gone = [left(system, f"{PREFIX}.{DEAD}.abc"), left(results, f".steps.{DEAD}.ab_c"), left(results, f".new.{DEAD}.x")]
-    unfinished = results / f".summary.json.{DEAD.pid}.tmp"
-    unfinished.touch()
+    unfinished = [results / f".summary.json.{DEAD.pid}.tmp", results / f".summary.0.{DEAD.pid}.tmp.json"]
+    for path in unfinished:
+        path.touch()
     said = sweep_up([results, results, tmp_path / "missing"])
     assert said == (
-        f"removed 4 temporary folders and files of processes that ended before they could, in {results}, {system}"
+        f"removed 5 temporary folders and files of processes that ended before they could, in {results}, {system}"
     )
-    assert not any(path.exists() for path in (*gone, unfinished))
+    assert not any(path.exists() for path in (*gone, *unfinished))
     assert sweep_up([results]) == ""
 
 

@@ -301,15 +301,15 @@ LARGE = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", LARGE)
-@pytest.mark.parametrize("after_s", [1.0, 6.0])
-def test_an_interruption_waits_for_nothing_large(tmp_path, command, after_s):
+@pytest.mark.parametrize(("after_s", "number"), [(1.0, signal.SIGTERM), (6.0, signal.SIGINT)])
+def test_an_interruption_waits_for_nothing_large(tmp_path, command, after_s, number):
     """At the start, which has its own loops, and in the midst of it."""
     with subprocess.Popen([COMMAND, *LARGE[command]], cwd=tmp_path, stdout=subprocess.DEVNULL) as process:
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(after_s)
             pytest.fail("too short to be interrupted")
         began = time.monotonic()
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         assert process.wait(60) == 130
         assert time.monotonic() - began < SOON_S
 

@@ -19,7 +19,7 @@ FOREIGN_S = 7 * 86400.0
 taken for left behind."""
 
 _NAME = re.compile(rf"(?:{PREFIX}|\..+)\.({Owner.PATTERN})\.\w+", re.ASCII | re.DOTALL)
-_FILE = re.compile(r"\..+\.(\d+)\.tmp", re.ASCII | re.DOTALL)
+_FILE = re.compile(r"\..+\.(\d+)\.tmp(?:\.\w+)?", re.ASCII | re.DOTALL)
 """Name of a file that is about to be moved to its place (``base.files.replacing``)."""
 
 

@@ -47,9 +47,8 @@ NoCodeOption = Annotated[
 def ends() -> Iterator[None]:
     """How a command ends that is interrupted or whose reader has gone. typer would give both another status."""
     try:
-        with _interruptible():
-            yield
-            sys.stdout.flush()
+        yield
+        sys.stdout.flush()
     except KeyboardInterrupt:
         say("oarlock: interrupted; the runs that were finished are kept")
         raise typer.Exit(INTERRUPTED) from None
@@ -60,7 +59,7 @@ def ends() -> Iterator[None]:
 
 
 @contextmanager
-def _interruptible() -> Iterator[None]:
+def interruptible() -> Iterator[None]:
     """Makes what ends a process from outside (SIGTERM, SIGHUP) an interruption as from a terminal, in the block.
 
     What whoever started the command wants ignored stays ignored, as under nohup.
