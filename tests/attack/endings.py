@@ -101,15 +101,16 @@ class Place:
 
     def begin(self, *arguments: str) -> "subprocess.Popen[str]":
         """Begins a command."""
-        return subprocess.Popen(
-            [COMMAND, *arguments],
-            cwd=self.root,
-            env={**os.environ, "TMPDIR": str(self.temporary)},
-            stdout=subprocess.DEVNULL,
-            stderr=(self.root / "stderr").open("w"),
-            encoding="utf-8",
-            start_new_session=True,
-        )
+        with (self.root / "stderr").open("w") as said:
+            return subprocess.Popen(
+                [COMMAND, *arguments],
+                cwd=self.root,
+                env={**os.environ, "TMPDIR": str(self.temporary)},
+                stdout=subprocess.DEVNULL,
+                stderr=said,
+                encoding="utf-8",
+                start_new_session=True,
+            )
 
     def run(self, *arguments: str) -> "subprocess.CompletedProcess[str]":
         """Runs a command to its end."""
