@@ -1,4 +1,4 @@
-# make run · make test · make test-deep · make fuzz · make bench · make lint: each sets up what it needs, and again, fast, the second time.
+# make run · make test · make test-deep · make test-attack · make fuzz · make bench · make lint: each sets up what it needs, and again, fast, the second time.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -18,14 +18,14 @@ HOST = $(shell rustc --print host-tuple)
 FUZZ_FLAGS := --cfg fuzzing -C passes=sancov-module $(addprefix -C llvm-args=-sanitizer-coverage-, \
 	level=4 inline-8bit-counters pc-table trace-compares)
 
-.PHONY: run test test-deep fuzz bench lint format setup clean lock
+.PHONY: run test test-deep test-attack fuzz bench lint format setup clean lock
 .DELETE_ON_ERROR:
 
 run: setup
 ifeq ($(MODEL),)
 	$(BIN)/oarlock suite --out build/results --report reports
 else
-	$(BIN)/oarlock run $(MODEL) --out build/results/$(FOLDER) --report reports/$(FOLDER)
+	$(BIN)/oarlock run $(MODEL) --replace --out build/runs/$(FOLDER) --report reports/$(FOLDER)
 endif
 
 test: setup
@@ -38,6 +38,10 @@ test-deep: test
 	@command -v valgrind >/dev/null || { echo "make test-deep needs valgrind"; exit 1; }
 	PYTHONMALLOC=malloc valgrind --quiet --undef-value-errors=no --error-exitcode=9 \
 		--suppressions=tests/memory/valgrind.supp $(BIN)/python tests/memory/boat.py
+
+# Tries to break it: signals at random moments, two commands in one folder. Prints what was tried and what stood.
+test-attack: setup
+	cd tests && ../$(BIN)/python -m attack
 
 # Looks for bytes that break a solver, for SECONDS; what it finds is left in build/fuzz, and goes on from there.
 fuzz:

@@ -4,9 +4,11 @@ import os
 import signal
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 from mechanisms import COMMAND, four_bar, write_model
+from oarlock.base.processes import myself
 from oarlock.base.progress import Progress
 from oarlock.batch.suite import carry_out, plan_suite
 from oarlock.batch.unit import run_unit
@@ -135,3 +137,32 @@ def interrupted_and_resumed(tmp_path, *options):
     assert again.returncode == 0, again.stderr
     assert f"running: {len(finished)} of {UNITS} kept from before" in again.stderr
     return err
+
+
+def told_where(note):
+    """Writes the number of this process to a file, and does not come to an end."""
+    path = Path(note)
+    path.with_suffix(".new").write_text(str(os.getpid()))
+    path.with_suffix(".new").rename(path)
+    time.sleep(600)
+
+
+def stopped_once(item):
+    """Stops this process, where the item is the first and was not here before."""
+    path = Path(item)
+    if path.name == "a" and not path.exists():
+        path.touch()
+        os.kill(os.getpid(), signal.SIGSTOP)
+    return f"{item} done"
+
+
+def stopped_twice(item):
+    """Stops this process, where the item is the first."""
+    if Path(item).name == "a":
+        os.kill(os.getpid(), signal.SIGSTOP)
+    return f"{item} done"
+
+
+def alive(process):
+    """Whether there is a process of that number that has not ended."""
+    return not replace(myself(), pid=process, started=0).dead

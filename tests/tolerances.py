@@ -214,3 +214,11 @@ ESTIMATE_ROUNDING = 2e-12
 
 ESTIMATE_SHARP = 0.25
 """Relative. What the next order adds to Richardson's estimate at 2 ms, and what is left of the finer run's error."""
+
+# Ends.
+
+SOON_S = 2.0
+"""s. What an interruption may take to end a command, on a busy machine: a look at most every 0.2 s, then the end."""
+
+GONE_S = 5.0
+"""s. What workers may take to end after their parent did: they look every 0.5 s, and on Linux are told at once."""

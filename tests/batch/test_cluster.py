@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import time
 from collections import Counter as Count
 from contextlib import closing, contextmanager
 
+import dask
 import pytest
 from mechanisms import four_bar, write_model
 from oarlock.batch.cluster import Cluster
@@ -43,11 +45,11 @@ def counted(monkeypatch):
 
 
 @contextmanager
-def scheduler():
-    """The address of a scheduler without workers, a process of its own."""
+def scheduler(*more):
+    """The address of a scheduler without workers, a process of its own, with more arguments than usual."""
     code = "from distributed.cli.dask_scheduler import main; main()"
     arguments = [sys.executable, "-c", code, "--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
-    arguments += ["--dashboard-address", "127.0.0.1:0"]
+    arguments += ["--dashboard-address", "127.0.0.1:0", *more]
     with subprocess.Popen(arguments, stderr=subprocess.PIPE, encoding="utf-8") as process:
         assert process.stderr is not None
         address = next(line.split()[-1] for line in process.stderr if "Scheduler at:" in line)
@@ -252,13 +254,85 @@ def test_a_scheduler_that_dies_ends_the_suite(tmp_path):
     assert len(suite.members[0].ledger.entries) == len(heard.said)
 
 
+STOP = "os.kill(os.getpid(), signal.SIGSTOP)"
+STOP_ONCE = f"(HERE.parent / 'was_here').exists() or ((HERE.parent / 'was_here').touch(), {STOP})"
+LIMIT_S = 4.0
+
+
+@pytest.mark.slow
+def test_what_a_stopped_worker_had_is_done_elsewhere(tiny, tmp_path):
+    """Of processes here, another one takes its place."""
+    once = python_model(tmp_path / "once", STOP_ONCE)
+    said = []
+    with closing(Cluster("local", 2, said.append, LIMIT_S)) as workers:
+        suite = carried_out([once, tiny], tmp_path / "out", workers)
+        assert status_of(suite) == 0
+        assert carried_out([tiny], tmp_path / "out", workers, fresh=True).repeated == UNITS
+    assert (tmp_path / "was_here").exists()
+    (line,) = said
+    assert line.endswith(" does not come to an end, and is replaced")
+
+
+@pytest.mark.slow
+def test_what_never_ends_fails_and_nothing_else_does(tiny, tmp_path):
+    never = python_model(tmp_path / "never", STOP, TWO)
+    with closing(Cluster("local", 2, lambda _: None, LIMIT_S)) as workers:
+        stopped, whole = carried_out([never, tiny], tmp_path / "out", workers).members
+    expected = "failed: no end within the time that a run may take (--unit-timeout), twice"
+    assert {str(why) for why in stopped.ledger.failures().values()} == {expected}
+    assert whole.ledger.failures() == {}
+
+
+@pytest.mark.slow
+def test_a_stopped_worker_elsewhere_holds_up_nobody(tmp_path):
+    once = python_model(tmp_path / "once", STOP_ONCE)
+    said = []
+    with (
+        scheduler() as (address, _),
+        worker(address),
+        worker(address),
+        closing(Cluster(address, None, said.append, LIMIT_S)) as workers,
+    ):
+        assert status_of(carried_out([once], tmp_path / "out", workers)) == 0
+    assert said != []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl to make a certificate")
+def test_encrypted_as_dask_is_configured(tiny, oarlock_here, tmp_path, monkeypatch):
+    certificate, key = tmp_path / "cert.pem", tmp_path / "key.pem"
+    make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=oarlock"]
+    subprocess.run([*make, "-keyout", key, "-out", certificate], check=True, capture_output=True)
+    names = {"CA_FILE": certificate}
+    for role in ("CLIENT", "SCHEDULER", "WORKER"):
+        names |= {f"{role}__CERT": certificate, f"{role}__KEY": key}
+    for name, value in names.items():
+        monkeypatch.setenv(f"DASK_DISTRIBUTED__COMM__TLS__{name}", str(value))
+    dask.config.refresh()
+    try:
+        with scheduler("--protocol", "tls") as (address, _), worker(address):
+            assert address.startswith("tls://")
+            assert oarlock_here("suite", tiny, "--out", "out", "--scheduler", address).returncode == 0
+            for name in names:
+                monkeypatch.delenv(f"DASK_DISTRIBUTED__COMM__TLS__{name}")
+            dask.config.refresh()
+            line = complaint(oarlock_here("suite", tiny, "--out", "other", "--scheduler", address))
+    finally:
+        monkeypatch.undo()
+        dask.config.refresh()
+    assert "no answer: TLS expects" in line
+
+
 # Mistakes.
 
 
 @pytest.mark.parametrize("address", ["bogus", "tcp://", "127.0.0.1:8786", "tcp://127.0.0.1:many", "tcp://host:1/path"])
 def test_malformed_addresses(tiny, oarlock_here, address):
     line = complaint(oarlock_here("suite", tiny, "--scheduler", address))
-    assert line == f"oarlock: scheduler '{address}', expected local or the address of one, tcp://HOST:PORT"
+    assert (
+        line
+        == f"oarlock: scheduler '{address}', expected local or the address of one, tcp://HOST:PORT or tls://HOST:PORT"
+    )
 
 
 def test_nobody_answers(tiny, oarlock_here):

@@ -1,10 +1,38 @@
-"""How work is handed out: a worker that dies takes only its own item with it. Real processes: ``test_suite.py``."""
+"""How work is handed out: a worker that dies or stops takes only its own item with it, and none outlives its parent.
 
+Units in real processes: ``test_suite.py``.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 
-from oarlock.batch.workers import dispatch
+import pytest
+from oarlock.batch.workers import LocalWorkers, dispatch
+from places import TESTS
+from suites import alive, stopped_once, stopped_twice
+from tolerances import GONE_S
+
+PARENT = """
+import sys, threading
+sys.path.insert(0, sys.argv[1])
+from suites import told_where
+from oarlock.batch.workers import LocalWorkers, dispatch
+work = lambda: list(dispatch(told_where, sys.argv[3:], LocalWorkers(2)))
+if __name__ == "__main__":
+    if sys.argv[2] == "main":
+        work()
+    else:
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        thread.join()
+"""
+"""Hands items out, in its main thread or in another."""
 
 
 class FragileWorkers:
@@ -39,6 +67,9 @@ class FragileWorkers:
         self.slots = 1
         return "its process ended"
 
+    def expire(self):
+        return set()
+
     def close(self): ...
 
     def kill(self):
@@ -60,3 +91,45 @@ def test_leaving_early_kills_the_workers():
     with closing(dispatch(str.upper, ["a", "b"], workers)) as all_done:
         assert next(all_done).result == "A"
     assert workers.killed
+
+
+@pytest.mark.parametrize("thread", ["main", "another"])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+def test_no_worker_outlives_its_parent(tmp_path, thread, number):
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    notes = [tmp_path / "a", tmp_path / "b"]
+    arguments = [sys.executable, script, TESTS, thread, *notes]
+    with subprocess.Popen(arguments, stderr=subprocess.DEVNULL, env={**os.environ, "TMPDIR": str(tmp_path)}) as parent:
+        deadline = time.monotonic() + 60
+        while not all(note.exists() for note in notes):
+            assert parent.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        found = [int(note.read_text()) for note in notes]
+        assert all(alive(process) for process in found)
+        os.kill(found[0], signal.SIGSTOP if thread == "main" and sys.platform == "linux" else signal.SIGCONT)
+        parent.send_signal(number)
+        parent.wait()
+    deadline = time.monotonic() + GONE_S
+    while any(alive(process) for process in found):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_what_a_stopped_worker_had_is_done_elsewhere(tmp_path):
+    with closing(LocalWorkers(2, limit_s=3.0)) as workers:
+        items = [str(tmp_path / name) for name in "abc"]
+        began = time.monotonic()
+        done = {d.item: d for d in dispatch(stopped_once, items, workers)}
+    assert time.monotonic() - began < 60
+    assert {item: d.result for item, d in done.items()} == {item: f"{item} done" for item in items}
+
+
+def test_what_never_ends_fails_and_nothing_else_does(tmp_path):
+    with closing(LocalWorkers(2, limit_s=3.0)) as workers:
+        items = [str(tmp_path / name) for name in "abc"]
+        done = {d.item: d for d in dispatch(stopped_twice, items, workers)}
+    errors = {item: str(d.error) for item, d in done.items() if d.error}
+    assert errors == {items[0]: "no end within the time that a run may take (--unit-timeout), twice"}
+    assert all(done[item].result == f"{item} done" for item in items[1:])

@@ -1,12 +1,17 @@
 """The table of solvers side by side: who takes part, who is right, and what is refused. No times are tested."""
 
 import json
+import signal
+import threading
+import time
 
 import pytest
 from oarlock import InputError
+from oarlock.base import core
 from oarlock.bench.solvers import bench
 from oarlock.cli.app import main
 from oarlock.stepping.solvers import solver_names
+from tolerances import SOON_S
 
 
 def test_every_solver_takes_part_and_those_that_promise_the_minimum_norm_give_it():
@@ -34,3 +39,16 @@ def test_the_command_writes_json_alone(capsys, monkeypatch):
     document = json.loads(capsys.readouterr().out)
     assert {row["n"] for row in document["rows"]} == {6}
     assert document["provenance"]["core_profile"]
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="needs signals for a thread")
+def test_an_interruption_waits_for_no_round():
+    """A round at 192 rows takes seconds."""
+    main = threading.main_thread().ident
+    assert main is not None
+    timer = threading.Timer(0.5, signal.pthread_kill, (main, signal.SIGINT))
+    timer.start()
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        core.bench_solvers(192, 100)
+    assert time.monotonic() - began < 0.5 + SOON_S

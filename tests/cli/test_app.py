@@ -1,5 +1,6 @@
 """The installed command: its exit status, its two streams, and its files, most in a process of its own."""
 
+import contextlib
 import json
 import re
 import signal
@@ -13,6 +14,7 @@ import pytest
 from mechanisms import COMMAND, boat_copy, four_bar, only, write_model
 from oarlock import model_names
 from oarlock.tables.folder import ResultFolder
+from tolerances import SOON_S
 
 CALIBRATION_ONLY = "[[experiments]]\nmode = 'calibration'\n"
 IMPOSSIBLE = "[[gates]]\nfigure = 'drift_pos_max'\nmax = 1e-30\ncause = 'nothing is'\n"
@@ -260,22 +262,23 @@ def test_report_of_a_damaged_table(oarlock_here, tmp_path):
 # Ends that come from outside.
 
 
-def interrupt(folder, process):
+def interrupt(folder, process, number=signal.SIGINT):
     """Interrupts the process once a run is on disk and in the summary."""
     deadline = time.monotonic() + 60
     while not (folder / "summary.json").exists():
         assert process.poll() is None, process.stderr.read()
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     return process.communicate(timeout=60)
 
 
-def test_interruption_keeps_the_finished_runs(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+def test_interruption_keeps_the_finished_runs(tmp_path, number):
     arguments = [COMMAND, "run", "boat", "--out", tmp_path / "out", "--json", "-"]
     pipe = subprocess.PIPE
     with subprocess.Popen(arguments, stdout=pipe, stderr=pipe, encoding="utf-8", cwd=tmp_path) as process:
-        out, err = interrupt(tmp_path / "out", process)
+        out, err = interrupt(tmp_path / "out", process, number)
     assert process.returncode == 130
     assert "Traceback" not in err
     assert out == ""
@@ -286,6 +289,39 @@ def test_interruption_keeps_the_finished_runs(tmp_path):
         assert len(folder.read_steps(row["run"])) == row["steps_done"] == 12_000
     assert not [path for path in folder.path.rglob("*") if path.name.startswith(".")]
     assert err == "oarlock: interrupted; the runs that were finished are kept\n"
+
+
+LARGE = {
+    "run": ["run", "n_four_bar:N=100", "--mode", "lockstep", "--solver", "pinv", "--solver", "svd"],
+    "in Python": ["run", "n_four_bar:N=100", "--mode", "free", "--stepping", "python"],
+    "suite": ["suite", "n_four_bar:N=100", "--jobs", "1"],
+    "check": ["check", "n_four_bar:N=100", "--duration", "1000"],
+    "bench": ["bench", "--size", "192", "--rounds", "100"],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", LARGE)
+@pytest.mark.parametrize(("after_s", "number"), [(1.0, signal.SIGTERM), (6.0, signal.SIGINT)])
+def test_an_interruption_waits_for_nothing_large(tmp_path, command, after_s, number):
+    """At the start, which has its own loops, and in the midst of it."""
+    with subprocess.Popen([COMMAND, *LARGE[command]], cwd=tmp_path, stdout=subprocess.DEVNULL) as process:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(after_s)
+            pytest.fail("too short to be interrupted")
+        began = time.monotonic()
+        process.send_signal(number)
+        assert process.wait(60) == 130
+        assert time.monotonic() - began < SOON_S
+
+
+def test_what_was_to_be_ignored_stays_ignored(tmp_path):
+    """Under nohup, the end of the terminal is none of the command."""
+    script = 'trap "" HUP; "$0" run four_bar --mode free --duration 2 --out out & sleep 1; kill -HUP $!; wait $!'
+    arguments = ["sh", "-c", script, COMMAND]
+    done = subprocess.run(arguments, capture_output=True, encoding="utf-8", cwd=tmp_path, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "summary.json").exists()
 
 
 def test_reader_that_goes_away_is_no_failed_gate():

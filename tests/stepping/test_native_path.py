@@ -22,6 +22,7 @@ from oarlock.mechanics.load import collected_warnings
 from oarlock.stepping import native_path
 from oarlock.stepping.solvers import SolverSpec
 from oarlock.stepping.start import ConsistentStart
+from oarlock.tables.spool import Spool
 
 STEPS, MANY_STEPS = 200, 2000
 FEW_STEPS = 150
@@ -166,6 +167,31 @@ def test_a_run_that_diverges_keeps_the_same_steps(tmp_path, mode):
     ended = require_equal(case, task, 400)
     assert all(0 < len(steps) < 400 for _, _, steps in ended)
     assert all(status == "diverged" for status, _, _ in ended)
+
+
+@pytest.mark.parametrize("size", [1, 7, 200])
+def test_portions_change_nothing(tmp_path, monkeypatch, size):
+    """The clock decides how many steps are taken at once: a run must not hang on that, and neither must its chunks."""
+    case = load_case(write_model(tmp_path / "bar", four_bar(), 'title = "bar"\n').parent)
+    task = Task("lockstep", MUJOCO, ("matched", "hard"), (AUTO, PINV), "rk4", "default")
+    monkeypatch.setattr(native_path, "CHUNK_ROWS", 500)
+    chunks, append = [], Spool.append
+    monkeypatch.setattr(Spool, "append", lambda spool, chunk: (chunks.append(len(chunk)), append(spool, chunk))[1])
+    expected = walked(case, task, 1050, "native")
+    expected_chunks, chunks[:] = list(chunks), []
+    monkeypatch.setattr(native_path, "_portion", lambda steps, took_s: size)
+    found = walked(case, task, 1050, "native")
+    assert chunks == expected_chunks
+    for (*ending, table), (*expected_ending, expected_table) in zip(found, expected, strict=True):
+        assert ending == expected_ending
+        assert table.equals(expected_table, null_equal=True)
+
+
+def test_portions_fit_the_time_of_a_step():
+    assert native_path._portion(1, 0.0) == native_path._GROWTH
+    assert native_path._portion(200, 1e-3) == native_path.TICK_STEPS
+    assert native_path._portion(8, 8 * native_path.PORTION_S) == 1
+    assert native_path._portion(8, 4 * native_path.PORTION_S) == 2
 
 
 def test_sparse_jacobians_give_the_same_run():

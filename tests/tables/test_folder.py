@@ -219,7 +219,7 @@ def test_no_temporary_files_are_left(kept):
 
 def test_runs_of_an_earlier_summary_are_forgotten(tmp_path):
     run("boat", mode="free", solver="mujoco", duration=0.002, out=tmp_path)
-    run("boat", mode="lockstep", form="hard", solver="pinv", duration=0.002, out=tmp_path)
+    run("boat", mode="lockstep", form="hard", solver="pinv", duration=0.002, out=tmp_path, replace=True)
     names = sorted(path.stem for path in (tmp_path / "steps").iterdir())
     assert names == ["calibration-mujoco-rk4", "lockstep-hard-along-mujoco-pinv-rk4"]
 

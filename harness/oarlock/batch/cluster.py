@@ -12,7 +12,6 @@ import os
 import pickle
 import signal
 import sys
-import tempfile
 import threading
 import uuid
 from collections.abc import Callable, Coroutine
@@ -23,8 +22,9 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.scratch import scratch_folder
 from oarlock.batch import digest
-from oarlock.batch.workers import DiedError, LostError, uninterrupted_children
+from oarlock.batch.workers import OVERDUE, DiedError, LostError, uninterrupted_children
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -104,7 +104,7 @@ class Cluster:
     Everything about them happens in one thread with an event loop of its own.
     """
 
-    def __init__(self, scheduler: str, jobs: int | None, say: Callable[[str], None]):
+    def __init__(self, scheduler: str, jobs: int | None, say: Callable[[str], None], limit_s: float | None = None):
         """Connects to a scheduler. A local cluster is started when it is needed.
 
         Args:
@@ -112,6 +112,7 @@ class Cluster:
             jobs: number of items in work at once, or of processes of a local cluster; None for as many as there are
                 workers.
             say: called with what the user should know while it runs.
+            limit_s: time that an item may be in work, s; None for ever.
 
         Raises:
             InputError: dask.distributed is not installed, or no scheduler answers at the address.
@@ -119,6 +120,7 @@ class Cluster:
         self._scheduler = _checked(scheduler)
         self._jobs = jobs
         self._say = say
+        self._limit_s = limit_s
         self._distributed = _distributed()
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._run, name="oarlock-cluster", daemon=True)
@@ -151,6 +153,10 @@ class Cluster:
     def renew(self) -> str:
         """Does nothing, because the workers never break as a whole; see ``Workers``."""
         return "its worker died"
+
+    def expire(self) -> set[Future[Any]]:
+        """Does nothing, because every item has a clock of its own, from when a worker has it; see ``Workers``."""
+        return set()
 
     def close(self) -> None:
         """Releases the workers once all work is finished; see ``Workers``."""
@@ -211,7 +217,9 @@ class Cluster:
 
     async def _started(self, stack: AsyncExitStack) -> Any:
         """A cluster of processes of this machine."""
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="oarlock-", ignore_cleanup_errors=True))
+        folder = str(stack.enter_context(scratch_folder()))
+        # Of its own: dask makes a folder in the system's, which would stay.
+        stack.enter_context(importlib.import_module("dask").config.set({"temporary-directory": folder}))
         cluster = self._distributed.LocalCluster(
             n_workers=self._jobs,
             threads_per_worker=1,
@@ -308,18 +316,34 @@ class Cluster:
     async def _done(self, call: bytes) -> Any:
         if self._lost:
             raise self._lost
-        deaths = 0
+        deaths, how = 0, self.renew()
         while deaths < 2:
             seat = await self._free.get()
             if seat.gone.done():
                 continue
+            late = False
             try:
-                return await self._at(seat, work, seat.worker, call)
+                async with asyncio.timeout(self._limit_s):
+                    return await self._at(seat, work, seat.worker, call)
             except _GoneError as gone:
                 deaths += not gone.expected
+            except TimeoutError:
+                deaths, how, late = deaths + 1, OVERDUE, True
             finally:
-                self._free.put_nowait(seat)
-        raise DiedError(f"{self.renew()}, twice")
+                if late:
+                    self._replace(seat)
+                else:
+                    self._free.put_nowait(seat)
+        raise DiedError(f"{how}, twice")
+
+    def _replace(self, seat: _Seat) -> None:
+        """Gives up a worker that does not come to an end; whoever watches over it starts another, if somebody does."""
+        self._say(f"scheduler {self._scheduler}: worker {seat.address} does not come to an end, and is replaced")
+        self._keep(self._restarted(seat))
+
+    async def _restarted(self, seat: _Seat) -> None:
+        with suppress(Exception):  # stopped, or nobody watches over it: then it is left out until it is gone
+            await self._client.restart_workers([seat.address], timeout=_CLOSE_S, raise_for_error=False)
 
     async def _at(self, seat: _Seat, function: Callable[..., Any], *arguments: Any) -> Any:
         """What a function gives at one worker, and nowhere else."""
@@ -353,7 +377,9 @@ def _checked(scheduler: str) -> str:
         except ValueError:
             right = False
         if not right:
-            raise InputError(f"scheduler '{scheduler}', expected {LOCAL} or the address of one, tcp://HOST:PORT")
+            raise InputError(
+                f"scheduler '{scheduler}', expected {LOCAL} or the address of one, tcp://HOST:PORT or tls://HOST:PORT"
+            )
     return scheduler
 
 

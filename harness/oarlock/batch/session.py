@@ -4,12 +4,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+from oarlock.base.arguments import require_number
 from oarlock.base.cores import cores
 from oarlock.base.errors import InputError, few
+from oarlock.base.forks import require_threads
+from oarlock.base.lock import locked
 from oarlock.base.progress import Progress
-from oarlock.batch.suite import Suite, Sweep, carry_out, plan_suite
+from oarlock.base.scratch import sweep_up
+from oarlock.batch.suite import Suite, Sweep, carry_out, plan_suite, refuse_others
 from oarlock.batch.sweep import Axis, parse_axes
-from oarlock.batch.workers import LocalWorkers, Workers
+from oarlock.batch.workers import UNIT_TIMEOUT_S, LocalWorkers, Workers
 
 RESULTS = Path("results")
 """Folder of the results unless another is given."""
@@ -23,6 +27,7 @@ def suite(
     jobs: int | None = None,
     scheduler: str | None = None,
     fresh: bool = False,
+    unit_timeout: float = UNIT_TIMEOUT_S,
     progress: Progress | None = None,
 ) -> Suite:
     """Runs the experiments of many models, in parallel; resumes where it stopped, and repeats only what changed.
@@ -37,13 +42,16 @@ def suite(
         jobs: runs at once; one a core if left out.
         scheduler: address of a dask.distributed scheduler to run on, or ``local`` for a cluster of processes here.
         fresh: do everything anew, also what is finished.
+        unit_timeout: time that a run may be in work, s, before its worker is ended and it is done once more elsewhere;
+            0 for ever.
         progress: listens.
 
     Raises:
-        InputError: no such model, two of one name, or results that cannot be written. A case that is at fault is
+        InputError: no such model, two of one name, results that cannot be written, or a folder of them that is in use
+            or holds those of another run. A case that is at fault is
             refused by itself.
     """
-    return _carried_out(_several(models), (), out, report, jobs, scheduler, fresh, progress)
+    return _carried_out(_several(models), (), out, report, jobs, scheduler, fresh, unit_timeout, progress)
 
 
 def sweep(
@@ -55,6 +63,7 @@ def sweep(
     jobs: int | None = None,
     scheduler: str | None = None,
     fresh: bool = False,
+    unit_timeout: float = UNIT_TIMEOUT_S,
     progress: Progress | None = None,
 ) -> Sweep:
     """Runs models freely at every point of a sweep instead of their experiments; otherwise as ``suite``.
@@ -69,6 +78,8 @@ def sweep(
         jobs: runs at once; one a core if left out.
         scheduler: address of a dask.distributed scheduler to run on, or ``local`` for a cluster of processes here.
         fresh: do everything anew, also what is finished.
+        unit_timeout: time that a run may be in work, s, before its worker is ended and it is done once more elsewhere;
+            0 for ever.
         progress: listens.
 
     Raises:
@@ -77,7 +88,7 @@ def sweep(
     parsed = parse_axes([axes] if isinstance(axes, str) else axes)
     if not parsed:
         raise InputError("nothing to sweep, expected KEY=A:B:N")
-    found = _carried_out(_several(models), parsed, out, report, jobs, scheduler, fresh, progress)
+    found = _carried_out(_several(models), parsed, out, report, jobs, scheduler, fresh, unit_timeout, progress)
     assert isinstance(found, Sweep)
     return found
 
@@ -94,31 +105,49 @@ def _carried_out(
     jobs: int | None,
     scheduler: str | None,
     fresh: bool,
+    unit_timeout: float,
     progress: Progress | None,
 ) -> Suite:
+    require_threads()
+    require_number("unit_timeout", unit_timeout, unit="s")
+    limit = unit_timeout or None
     progress = progress or Progress()
     found = plan_suite(models, Path(out), axes)
     if isinstance(found, Sweep):
         for name, lacking in found.skipped.items():
             progress.note(f"skipped: {name} has no parameter {few(lacking)}")
-    with _workers(jobs, scheduler, progress) as (units, pages):
+    folders = [Path(out), *(member.folder.path for member in found.members if not member.refused)]
+    with locked(folders, "oarlock suite", progress.note), _workers(jobs, scheduler, limit, progress) as (units, pages):
+        refuse_others(found)
+        if left := sweep_up([*folders, *_inside(folders), *_pages(report)]):
+            progress.note(left)
         carry_out(found, units, fresh=fresh, progress=progress)
         if report is not None:
             found.unwritten = found.write_pages(Path(report), pages, progress)
     return found
 
 
+def _inside(folders: Sequence[Path]) -> list[Path]:
+    return [folder / "steps" for folder in folders]
+
+
+def _pages(report: str | Path | None) -> list[Path]:
+    return [] if report is None else [Path(report).absolute().parent, Path(report)]
+
+
 @contextmanager
-def _workers(jobs: int | None, scheduler: str | None, progress: Progress) -> Iterator[tuple[Workers, Workers]]:
+def _workers(
+    jobs: int | None, scheduler: str | None, limit_s: float | None, progress: Progress
+) -> Iterator[tuple[Workers, Workers]]:
     """Who does the units and who makes the pages, which are files here."""
     if jobs is not None and jobs < 1:
         raise InputError(f"jobs = {jobs}, expected a number ≥ 1")
     if scheduler is None:
-        with closing(LocalWorkers(jobs or cores())) as local:
+        with closing(LocalWorkers(jobs or cores(), limit_s)) as local:
             yield local, local
         return
     from oarlock.batch.cluster import LOCAL, Cluster
 
-    units = Cluster(scheduler, jobs or (cores() if scheduler == LOCAL else None), progress.note)
-    with closing(LocalWorkers(cores())) as pages, closing(units):
+    units = Cluster(scheduler, jobs or (cores() if scheduler == LOCAL else None), progress.note, limit_s)
+    with closing(LocalWorkers(cores(), limit_s)) as pages, closing(units):
         yield units, pages

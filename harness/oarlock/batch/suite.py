@@ -35,11 +35,13 @@ from oarlock.batch.workers import LocalWorkers, Workers, dispatch
 from oarlock.cases.case import Case, load_case, model_names, variant_names
 from oarlock.cases.point import KEYS
 from oarlock.experiments.description import case_document, expectations
+from oarlock.experiments.holdings import others
+from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.task import Task
 from oarlock.tables.aggregate import Verdict, judge
 from oarlock.tables.folder import OCCASION, ResultFolder
-from oarlock.tables.ledger import TABLE, Failure, Ledger, Outcome
+from oarlock.tables.ledger import NAME, TABLE, Failure, Ledger, Outcome
 from oarlock.tables.provenance import inputs, occasion
 
 
@@ -344,6 +346,26 @@ def carry_out(suite: Suite, workers: Workers, *, fresh: bool = False, progress: 
         moment = occasion()
         for member in suite.members:
             collate(member, moment)
+
+
+def refuse_others(suite: Suite) -> None:
+    """Refuses folders that hold results of ``oarlock run`` other than those that the suite would write.
+
+    Raises:
+        InputError: there is such a folder.
+    """
+    for member in suite.members:
+        path, case = member.folder.path, member.case
+        if member.axes or case is None or member.refused or (path / NAME).exists() or not any(path.glob("*.json")):
+            continue
+        runs = [run for unit in member.units for run in unit.runs]
+        try:
+            setup = Laboratory(case).setup(member.units[0].task.integrator, member.units[0].task.settings)
+        except InputError:
+            continue  # its units say so
+        held = others(path, case.name, runs, setup.timestep_s, setup.steps, setup.ignored)
+        if held:
+            raise InputError(f"'{path}' holds {held} of 'oarlock run', expected another folder (--out), or none there")
 
 
 def _estimated(unit: Unit, ledger: Ledger) -> Unit:

@@ -1,14 +1,17 @@
 """The workers of a suite: processes of this machine, or anything else that takes a function and returns a future.
 
-Only ``dispatch`` knows how work is handed out. A kind of workers is a class with the five members of ``Workers``:
+Only ``dispatch`` knows how work is handed out. A kind of workers is a class with the members of ``Workers``:
 ``LocalWorkers`` here, ``Cluster`` in ``cluster.py``.
 """
 
 import multiprocessing
 import os
 import pickle
+import shutil
 import signal
 import tempfile
+import threading
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
@@ -18,6 +21,8 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from oarlock.base.errors import InputError
+from oarlock.base.processes import end_with_parent
+from oarlock.base.scratch import scratch
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -26,6 +31,14 @@ _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VE
 """Variables that keep a worker to one thread, because the workers share the cores."""
 
 _SLICE_S = 0.5
+
+_GRACE_S = 2.0
+"""Time that processes have to end by themselves once another one has died, s."""
+
+UNIT_TIMEOUT_S = 6 * 3600.0
+"""Time that an item may be in work unless something else is asked for, s."""
+
+OVERDUE = "no end within the time that a run may take (--unit-timeout)"
 
 
 class Workers(Protocol):
@@ -52,6 +65,13 @@ class Workers(Protocol):
         """Replaces the workers after one died; returns how it died, as far as that is known."""
         ...
 
+    def expire(self) -> "set[Future[Any]]":
+        """Ends the workers of items that are in work for longer than an item may be; returns their futures.
+
+        These end as if the worker had died, and so may others. Workers that see to that by themselves return nothing.
+        """
+        ...
+
     def close(self) -> None:
         """Releases the workers once all work is finished."""
         ...
@@ -68,10 +88,17 @@ class LocalWorkers:
     there, and its reader waiting for ever. The name of a file is written in one piece.
     """
 
-    def __init__(self, jobs: int):
-        self._jobs = jobs
-        self._files: tempfile.TemporaryDirectory[str] | None = None
+    def __init__(self, jobs: int, limit_s: float | None = None):
+        """Starts nothing yet.
+
+        Args:
+            jobs: number of processes at most.
+            limit_s: time that an item may be in work, s; None for ever.
+        """
+        self._jobs, self._limit_s = jobs, limit_s
+        self._files: Path | None = None
         self._pool: ProcessPoolExecutor | None = None
+        self._due: dict[Future[Any], float] = {}
         self._processes: list[multiprocessing.process.BaseProcess] = []
 
     @property
@@ -82,26 +109,46 @@ class LocalWorkers:
     def submit(self, function: Callable[[Item], Result], item: Item) -> "Future[Result]":
         """Hands out an item; see ``Workers``."""
         if self._pool is None or self._files is None:
-            self._files = tempfile.TemporaryDirectory(prefix="oarlock-", ignore_cleanup_errors=True)
+            self._files = scratch()
+            main = threading.current_thread() is threading.main_thread()
             # Not fork: a library's threads would not survive it.
-            self._pool = ProcessPoolExecutor(self._jobs, mp_context=multiprocessing.get_context("spawn"))
+            self._pool = ProcessPoolExecutor(
+                self._jobs,
+                mp_context=multiprocessing.get_context("spawn"),
+                initializer=partial(end_with_parent, os.getpid(), from_main_thread=main),
+            )
         before = multiprocessing.active_children()
         result: Future[Result] = Future()
         with uninterrupted_children(), _one_thread():
-            file = self._pool.submit(_to_file, function, item, self._files.name)
+            file = self._pool.submit(_to_file, function, item, str(self._files))
         file.add_done_callback(partial(_from_file, result))
+        if self._limit_s is not None:
+            self._due[result] = time.monotonic() + self._limit_s
+            result.add_done_callback(lambda future: self._due.pop(future, None))
         self._processes += [child for child in multiprocessing.active_children() if child not in before]
         return result
 
     def renew(self) -> str:
         """Replaces the processes after one died; see ``Workers``."""
-        processes = self._processes
+        processes, forced = self._processes, []
+        # The pool ends those that are left with SIGTERM, which one that is stopped does not obey.
+        force = threading.Timer(_GRACE_S, lambda: forced.extend(_killed(processes)))
+        force.daemon = True
+        force.start()
         self._let_go(wait=True)
-        # The pool ends those that are left with SIGTERM; the one that broke it ended before.
-        codes = [p.exitcode for p in processes if p.exitcode not in (None, 0, -signal.SIGTERM)]
+        force.cancel()
+        codes = [p.exitcode for p in processes if p not in forced and p.exitcode not in (None, 0, -signal.SIGTERM)]
         if not codes or codes[0] is None:
             return "its process ended"
         return f"its process ended with {_signal_or_status(codes[0])}"
+
+    def expire(self) -> "set[Future[Any]]":
+        """Ends all processes if one item has been in work for too long; see ``Workers``."""
+        now = time.monotonic()
+        late = {future for future, due in list(self._due.items()) if due < now}
+        if late:
+            _killed(self._processes)
+        return late
 
     def close(self) -> None:
         """Releases the processes once all work is finished; see ``Workers``."""
@@ -109,16 +156,23 @@ class LocalWorkers:
 
     def kill(self) -> None:
         """Ends the processes at once; see ``Workers``."""
-        for process in self._processes:
-            process.kill()
+        _killed(self._processes)
         self._let_go(wait=False)
 
     def _let_go(self, *, wait: bool) -> None:
         if self._pool is not None:
             self._pool.shutdown(wait=wait, cancel_futures=True)
         if self._files is not None:
-            self._files.cleanup()
+            shutil.rmtree(self._files, ignore_errors=True)
         self._pool, self._files, self._processes = None, None, []
+
+
+def _killed(processes: list[multiprocessing.process.BaseProcess]) -> list[multiprocessing.process.BaseProcess]:
+    """Ends processes at once, also those that are stopped; returns those that lived."""
+    lived = [process for process in processes if process.is_alive()]
+    for process in lived:
+        process.kill()
+    return lived
 
 
 def _to_file(function: Callable[[Item], Any], item: Item, folder: str) -> str:
@@ -151,12 +205,13 @@ def _signal_or_status(code: int) -> str:
 
 @contextmanager
 def uninterrupted_children() -> Iterator[None]:
-    """Keeps interruptions from the terminal away from processes started in the block; this process ends them."""
+    """Keeps what a terminal sends to all its processes away from those started in the block; this process ends them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     multiprocessing.get_context("spawn").Lock()  # starts multiprocessing's tracker, which lets interruptions in again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
@@ -176,7 +231,7 @@ def _one_thread() -> Iterator[None]:
 
 
 class DiedError(Exception):
-    """The worker of an item died twice, the second time with nothing else in work."""
+    """The worker of an item died twice, the second time with nothing else in work, or had to be ended twice."""
 
 
 class LostError(InputError):
@@ -210,13 +265,15 @@ def dispatch(
     """Calls a function on every item, in the order given, and yields each item as soon as it is finished.
 
     When a worker dies, everything that was in work is run again, one at a time: a second death is then the item's own
-    fault, and the others go on. Workers are killed if the iteration is left early, by an interruption or otherwise.
+    fault, and the others go on. An item that takes too long is run once more as well, and so is what was in work beside
+    it. Workers are killed if the iteration is left early, by an interruption or otherwise.
 
     Raises:
         LostError: the workers are gone for good; what was finished until then is yielded before.
     """
     waiting, suspects = deque(items), deque[Item]()
     flying: dict[Future[Result], Item] = {}
+    overran: set[Item] = set()
     whole = False
     try:
         while waiting or suspects or flying:
@@ -233,24 +290,35 @@ def dispatch(
                         break
                     broken.append(item)
             done: set[Future[Result]] = set()
+            late: set[Future[Any]] = set()
             while flying and not done:  # in slices: an interruption that reaches another thread does not end a wait
                 done, _ = wait(flying, _SLICE_S, return_when=FIRST_COMPLETED)
+                late |= set() if done else workers.expire()
             if any(isinstance(future.exception(), BrokenExecutor) for future in done):
                 done, _ = wait(flying)
             lost: LostError | None = None
+            overdue: list[Item] = []
             for future in sorted(done, key=list(flying).index):
                 item, error = flying.pop(future), future.exception()
                 if isinstance(error, BrokenExecutor):
-                    broken.append(item)
+                    (overdue if future in late else broken).append(item)
                 elif isinstance(error, LostError):
                     lost = error
                 else:
                     yield Done(item, future)
             if lost:
                 raise lost
-            if broken:
+            if broken or overdue:
                 how = workers.renew()
-                if alone:
+                for item in overdue:
+                    if item in overran:
+                        yield Done(item, error=DiedError(f"{OVERDUE}, twice"))
+                    else:
+                        overran.add(item)
+                        waiting.append(item)
+                if overdue:  # whose fault it was is known
+                    (suspects if alone else waiting).extendleft(reversed(broken))
+                elif alone:
                     yield from (Done(item, error=DiedError(f"{how}, twice")) for item in broken)
                 else:
                     suspects.extend(broken)

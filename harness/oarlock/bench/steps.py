@@ -17,6 +17,7 @@ from oarlock.base.errors import InputError
 from oarlock.cases.case import load_case
 from oarlock.cases.conditions import Conditions
 from oarlock.experiments.laboratory import Laboratory
+from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
 from oarlock.stepping.prepared import PreparedCase
@@ -184,9 +185,10 @@ def bench_stepping(
     for model in models:
         contenders = Track(model, steps).contenders()
         times: dict[str, list[float]] = {name: [] for name in contenders}
-        for _ in range(rounds):
-            for name, once in contenders.items():
-                times[name].append(once())
+        with quiet_engine():
+            for _ in range(rounds):
+                for name, once in contenders.items():
+                    times[name].append(once())
         fastest = min(
             (name for name in times if name.startswith(BARE)), key=lambda name: statistics.median(times[name])
         )

@@ -14,6 +14,9 @@ from oarlock.cases.case_file import CaseFile, fill, read_case_file
 MODELS = Path(__file__).parents[1] / "models"
 """Folder of the models that come with oarlock: ``mjcf/`` of the repository, which the wheel contains too."""
 
+NO_CODE = "OARLOCK_NO_CODE"
+"""Name of the variable of the environment that keeps a ``model.py`` from being run. Processes inherit it."""
+
 
 class Case:
     """A model and its case file, for one set of parameters.
@@ -103,8 +106,26 @@ def load_case(model: str | Path) -> Case:
             ``case.toml`` beside it; any other file runs with defaults.
 
     Raises:
-        InputError: there is no such model, its ``case.toml`` has a mistake, or it lacks one of the parameters.
+        InputError: there is no such model, its ``case.toml`` has a mistake, it lacks one of the parameters, or it is
+            code that is not to be run (``refuse_code``).
     """
+    case = _found(model)
+    refuse_code(case.model_path)
+    return case
+
+
+def refuse_code(path: Path) -> None:
+    """Refuses a model that is code where code is not to be run, unless it comes with oarlock.
+
+    Raises:
+        InputError: ``path`` is such a model, and the environment sets ``OARLOCK_NO_CODE``.
+    """
+    asked = os.environ.get(NO_CODE, "") not in ("", "0")
+    if asked and path.suffix == ".py" and not path.resolve().is_relative_to(MODELS.resolve()):
+        raise InputError(f"'{path}' is code, which --no-code ({NO_CODE}) keeps from running, expected MJCF")
+
+
+def _found(model: str | Path) -> Case:
     text, given = (str(model), {}) if os.path.exists(model) else split_options(str(model), "parameter")
     path = Path(text)
     if path.suffix in (".xml", ".py"):

@@ -15,7 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from oarlock.base.errors import InputError, one_line
-from oarlock.cli.console import BAD_INPUT, say
+from oarlock.cli.console import BAD_INPUT, ends, interruptible, say
 
 COMMANDS = {
     "list": "models.list_models",
@@ -39,7 +39,8 @@ class _Commands(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         module, _, function = COMMANDS[name].partition(".")
         only = typer.Typer(**_SETTINGS)
-        only.command(name)(getattr(import_module(f"oarlock.cli.{module}"), function))
+        with ends():  # also while it is loaded
+            only.command(name)(getattr(import_module(f"oarlock.cli.{module}"), function))
         gc.freeze()  # what was imported stays: no collection of garbage need walk through it
         return typer.main.get_command(only)
 
@@ -70,7 +71,8 @@ def main() -> None:
     warnings.simplefilter("ignore", RuntimeWarning)
     warnings.showwarning = lambda message, *_: say(f"oarlock: {one_line(message)}")
     try:
-        app(standalone_mode=True)
+        with interruptible():
+            app(standalone_mode=True)
     except (InputError, OSError, Warning) as error:  # a warning is an error if Python was told so
         say(f"oarlock: {one_line(error)}")
         sys.exit(BAD_INPUT)

@@ -9,6 +9,7 @@ from rich.progress import Progress as Bars
 
 from oarlock.base.progress import Progress
 from oarlock.base.text import visible
+from oarlock.cli.console import say
 
 
 class _Bar(Progress):
@@ -37,11 +38,18 @@ class _Bar(Progress):
         self._bars.console.print(visible(text), highlight=False, markup=False, soft_wrap=True)
 
 
+class _Notes(Progress):
+    """What is worth knowing, and nothing else."""
+
+    def note(self, text: str) -> None:
+        say(f"oarlock: {text}")
+
+
 @contextmanager
 def bar(*, always: bool = False) -> Iterator[Progress]:
-    """A progress bar on standard error, where somebody looks at one; elsewhere its lines if ``always``, or nothing."""
+    """A progress bar on standard error, where somebody looks at one; elsewhere its lines if ``always``, or notes."""
     stream = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     times = (TimeElapsedColumn(), TimeRemainingColumn())
     with Bars(*columns, *times, console=stream, transient=True, disable=not stream.is_terminal) as bars:
-        yield _Bar(bars) if always or stream.is_terminal else Progress()
+        yield _Bar(bars) if always or stream.is_terminal else _Notes()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.base.errors import InputError
-from oarlock.cli.console import GATE_FAILED, JsonOption, emit_json, ends, say
+from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, emit_json, ends, say
 from oarlock.diagnosis.checked import begun, judged, parts
 from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
 
@@ -50,6 +50,7 @@ def check(
         Path | None, typer.Option(metavar="DIR", help="A page with figures: HTML, and Markdown with SVG.")
     ] = None,
     as_json: JsonOption = None,
+    no_code: NoCodeOption = False,
 ) -> None:
     """Why do the loops of a model come apart, and what would hold them? Status 1: --fail-above was exceeded."""
     printing = as_json != "-"

@@ -2,10 +2,13 @@
 
 import json
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Annotated, Any
 
 import typer
@@ -26,6 +29,21 @@ JsonOption = Annotated[
 ]
 
 
+def _no_code(asked: bool) -> None:
+    if asked:
+        from oarlock.cases.case import NO_CODE  # most commands need no cases
+
+        os.environ[NO_CODE] = "1"
+
+
+NoCodeOption = Annotated[
+    bool,
+    typer.Option(
+        "--no-code", callback=_no_code, help="Refuse models that are code (model.py) and do not come with oarlock."
+    ),
+]
+
+
 @contextmanager
 def ends() -> Iterator[None]:
     """How a command ends that is interrupted or whose reader has gone. typer would give both another status."""
@@ -39,6 +57,36 @@ def ends() -> Iterator[None]:
         # Nothing is left to say, not even on closing.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise typer.Exit(READER_GONE) from None
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Makes what ends a process from outside (SIGTERM, SIGHUP) an interruption as from a terminal, in the block.
+
+    What whoever started the command wants ignored stays ignored, as under nohup.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    before = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
+    for number in before:
+        signal.signal(number, _interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+def _interrupt(_number: int, frame: FrameType | None) -> None:
+    """Hands a signal to whoever is told of interruptions now: files are written to their end first."""
+    told = signal.getsignal(signal.SIGINT)
+    if callable(told):
+        told(signal.SIGINT, frame)
+    else:  # a command in the background of a script ignores SIGINT
+        raise KeyboardInterrupt
 
 
 def say(text: str) -> None:

@@ -12,7 +12,7 @@ from oarlock.cases.case import load_case
 from oarlock.cases.case_file import Stabilisation
 from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
-from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, one_of, say, shown
+from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, console, emit_json, ends, one_of, say, shown
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
@@ -53,12 +53,18 @@ def run(
     ] = False,
     stepping: Annotated[str, typer.Option(help=f"The path that steps: {one_of(get_args(Stepping))}")] = "auto",
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the tables [default: results/MODEL].")
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for the tables [default: results/MODEL, or results/MODEL-2 … where that holds other results].",
+        ),
     ] = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Let go other results that the folder holds.")] = False,
     to: Annotated[
         Path | None, typer.Option("--report", metavar="DIR", help="Write the report too, as 'oarlock report' does.")
     ] = None,
     as_json: JsonOption = None,
+    no_code: NoCodeOption = False,
 ) -> None:
     """Runs a model's comparison. With none of the options before --timestep it runs the experiments of its case."""
     options = RunOptions(
@@ -78,7 +84,10 @@ def run(
     if to:
         _require_place(to, folder)
     with bar() as progress:
-        results = session.run(model, options, out=folder, progress=progress)
+        if out is None and not replace:
+            results = session.run_beside(model, options, folder, progress)
+        else:
+            results = session.run(model, options, out=folder, replace=replace, progress=progress)
     if as_json:
         emit_json(results.document(), as_json)
     if as_json != "-":

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli.bar import bar
-from oarlock.cli.console import JsonOption, emit_json, ends, say
+from oarlock.cli.console import JsonOption, NoCodeOption, emit_json, ends, say
 
 if TYPE_CHECKING:
     from oarlock.batch.suite import Suite
@@ -33,7 +33,16 @@ def suite(
         Path | None, typer.Option("--report", metavar="DIR", help="Folder for the report [default: OUT/report].")
     ] = None,
     as_json: JsonOption = None,
+    no_code: NoCodeOption = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Do everything anew, also what is finished.")] = False,
+    unit_timeout: Annotated[
+        float,
+        typer.Option(
+            metavar="S",
+            min=0.0,
+            help="Time that a run may take before its worker is ended and it is done once more, in s; 0: no limit.",
+        ),
+    ] = 21600.0,
     sweep: Annotated[
         list[str] | None,
         typer.Option(
@@ -53,6 +62,7 @@ def suite(
         "jobs": jobs,
         "scheduler": scheduler,
         "fresh": fresh,
+        "unit_timeout": unit_timeout,
     }
     with bar(always=True) as progress:
         if sweep:

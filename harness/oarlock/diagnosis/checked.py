@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from oarlock.base.answer import Answer
 from oarlock.base.arguments import complete, takes
+from oarlock.base.forks import require_threads
 from oarlock.base.progress import Progress
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
@@ -101,17 +102,20 @@ def begun(file: str | Path, options: CheckOptions) -> "Examination":
     Raises:
         InputError: as ``check``.
     """
+    require_threads()
     from oarlock.diagnosis.examination import begin
+    from oarlock.mechanics.load import quiet_engine
 
-    with _one_thread(), mujoco_ends_in_a_line(file):
+    with _one_thread(), quiet_engine(), mujoco_ends_in_a_line(file):
         return begin(str(file), options)
 
 
 def parts(examination: "Examination") -> Iterator[str]:
     """Looks at the model; gives the name of every part of the examination as soon as it is there."""
     from oarlock.diagnosis.examination import examine
+    from oarlock.mechanics.load import quiet_engine
 
-    with _one_thread(), mujoco_ends_in_a_line(examination.file):
+    with _one_thread(), quiet_engine(), mujoco_ends_in_a_line(examination.file):
         yield from examine(examination)
 
 
@@ -123,8 +127,10 @@ def _one_thread() -> threadpool_limits:
 def judged(examination: "Examination") -> Checked:
     """The answer to an examination that is complete."""
     from oarlock.diagnosis.verdict.verdicts import judge
+    from oarlock.mechanics.load import quiet_engine
 
-    return Checked(examination, judge(examination, examination.options.fail_above))
+    with quiet_engine():
+        return Checked(examination, judge(examination, examination.options.fail_above))
 
 
 @takes(CheckOptions)

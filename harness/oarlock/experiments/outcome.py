@@ -1,6 +1,5 @@
 """What the runs of a case gave, and how it is judged."""
 
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,8 @@ from typing import Any
 import polars as pl
 
 from oarlock.base.answer import Answer, html_table
+from oarlock.base.lock import locked
+from oarlock.base.scratch import scratch_folder
 from oarlock.cases.case import Case
 from oarlock.experiments.description import case_document
 from oarlock.tables.aggregate import Verdict
@@ -106,12 +107,15 @@ class Results(Answer):
         return {**self.document(), FILES: self.sums}
 
     def save(self, folder: str | Path) -> Path:
-        """Keeps all of it in a folder, as a run with ``out`` does; gives the folder.
+        """Keeps all of it in a folder, as a run with ``out`` and ``replace`` does; gives the folder.
 
         Raises:
-            InputError: the folder cannot be written.
+            InputError: the folder cannot be written, or is in use.
         """
-        kept = ResultFolder(Path(folder))
+        with locked([Path(folder)], f"oarlock.run {self.case.name}", lambda _: None):
+            return self._save(ResultFolder(Path(folder)))
+
+    def _save(self, kept: ResultFolder) -> Path:
         kept.write_json("case.json", case_document(self.case, self.model))
         if self.truth is not None:
             self.sums |= kept.write_truth(self.truth)
@@ -129,8 +133,8 @@ class Results(Answer):
 
         if self.folder is not None:
             return write_report(self.folder, Path(folder))
-        with tempfile.TemporaryDirectory(prefix="oarlock-") as temporary:
-            return write_report(self.save(Path(temporary) / self.case.slug), Path(folder))
+        with scratch_folder() as temporary:
+            return write_report(self.save(temporary / self.case.slug), Path(folder))
 
     def _repr_html_(self) -> str:
         held = sum(verdict.held is True for verdict in self.verdicts)

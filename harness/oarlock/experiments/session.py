@@ -1,20 +1,28 @@
 """From a case to tables: plans the runs, carries them out, keeps each as soon as it is finished, judges the gates."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from oarlock.base.arguments import complete, takes
 from oarlock.base.cores import cores
+from oarlock.base.errors import InputError
 from oarlock.base.files import uninterrupted
+from oarlock.base.forks import require_threads
+from oarlock.base.lock import locked
 from oarlock.base.progress import Progress
-from oarlock.cases.case import load_case
+from oarlock.base.scratch import sweep_up
+from oarlock.cases.case import Case, load_case
 from oarlock.experiments.description import case_document, describe, expectations
+from oarlock.experiments.holdings import beside, others
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.options import RunOptions
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
+from oarlock.experiments.task import Task
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
+from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables import parquet
 from oarlock.tables.aggregate import judge, summarise
@@ -30,6 +38,7 @@ def run(
     options: RunOptions | None = None,
     *,
     out: str | Path | None = None,
+    replace: bool = False,
     progress: Progress | None = None,
     **keywords: Any,
 ) -> Results:
@@ -38,20 +47,72 @@ def run(
     Args:
         model: name of a model, folder of a case, or path of an MJCF file; ``:key=value,…`` for other parameters.
         options: what is asked for in place of what the case of the model says.
-        out: folder that keeps the tables; every run is written as soon as it is finished.
+        out: folder that keeps the tables; every run is written as soon as it is finished. It may hold the same runs of
+            the same timestep and duration, which are written anew; others are not touched.
+        replace: whether ``out`` may hold other results, which then go.
         progress: listens: ``finished`` gets the name of every run that was finished and kept.
         keywords: the fields of ``RunOptions``, one by one, as of ``oarlock run``: ``mode="free", duration=1.0``.
 
     Raises:
-        InputError: bad input; finished runs are kept.
+        InputError: bad input, or ``out`` holds other results or is in use; finished runs are kept.
     """
+    require_threads()
     options = complete(RunOptions, options, keywords)
-    case = load_case(model)
+    return _run(load_case(model), options, None if out is None else Path(out), replace, progress or Progress())
+
+
+def run_beside(model: str | Path, options: RunOptions, out: Path, progress: Progress) -> Results:
+    """Runs a model as ``run`` does; where ``out`` holds other results, the tables go to ``out-2`` and so on."""
+    case, reason = load_case(model), ""
+    for folder in beside(out):
+        try:
+            results = _run(case, options, folder, False, progress)
+        except _HeldError as held:
+            reason = reason or str(held).partition(", expected")[0]
+        else:
+            if reason:
+                progress.note(f"{reason}; the tables are in '{results.folder}'")
+            return results
+    raise AssertionError
+
+
+class _HeldError(InputError):
+    """A folder holds results that would be lost."""
+
+
+def _run(case: Case, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
+    with quiet_engine():
+        return _run_quietly(case, options, folder, replace, progress)
+
+
+def _run_quietly(case: Case, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
     tasks = plan(case, options)
-    progress = progress or Progress()
-    folder = None if out is None else Path(out)
     laboratory = Laboratory(case, options.conditions, stepping=options.stepping, tick=progress.advance, folder=folder)
     setup = laboratory.setup(tasks[0].integrator, tasks[0].settings)
+    with nullcontext() if folder is None else locked([folder], f"oarlock run {case.name}", progress.note):
+        if folder is not None and not replace:
+            _refuse_others(folder, case, tasks, setup)
+        if left := sweep_up([folder, folder / "steps"] if folder else []):
+            progress.note(left)
+        return _carried_out(case, tasks, options, laboratory, setup, folder, progress)
+
+
+def _refuse_others(folder: Path, case: Case, tasks: list[Task], setup: PreparedCase) -> None:
+    names = {name for task in tasks for walk in task.walks() for name in walk.names}
+    held = others(folder, case.name, names, setup.timestep_s, setup.steps, setup.ignored)
+    if held:
+        raise _HeldError(f"'{folder}' holds {held}, expected another folder (--out), or --replace")
+
+
+def _carried_out(
+    case: Case,
+    tasks: list[Task],
+    options: RunOptions,
+    laboratory: Laboratory,
+    setup: PreparedCase,
+    folder: Path | None,
+    progress: Progress,
+) -> Results:
     progress.begin("running", setup.steps * sum(len(task.walks()) for task in tasks))
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}

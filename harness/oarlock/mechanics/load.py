@@ -12,6 +12,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
+from oarlock.cases.case import refuse_code
 from oarlock.mechanics.limits import require_moderate, require_moderate_model
 
 
@@ -68,6 +69,19 @@ def collected_warnings() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
+@contextmanager
+def quiet_engine() -> Iterator[None]:
+    """Keeps MuJoCo from its own words in the block: the status of a run tells that it went wrong.
+
+    Except what a status does not tell: that MuJoCo's memory did not suffice becomes a warning of Python's.
+    """
+    with collected_warnings() as said:
+        yield
+    short = (re.sub(r"\s*Time = .*", "", one_line(text)) for text in said if "memory" in text)
+    for text in dict.fromkeys(short):
+        warnings.warn(f"MuJoCo warns: {text}", stacklevel=3)
+
+
 def _attribute_with_nan(path: Path) -> str:
     found = re.search(rb"""\w+\s*=\s*(["'])[^"']*\bnan\b[^"']*\1""", path.read_bytes(), re.IGNORECASE)
     return one_line(found[0].decode(errors="replace")) if found else "an attribute"
@@ -95,6 +109,7 @@ def _require_sound(path: Path, model: mujoco.MjModel) -> None:
 
 def _build(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
     """Runs a ``model.py``. An error in it becomes one line that names the call."""
+    refuse_code(path)
     module = ModuleType(f"model of {path.parent.name}")
     module.__file__ = str(path)
     call = f"{path}: {join_options('build', parameters)}"

@@ -2,12 +2,12 @@
 
 import os
 import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import uninterrupted
+from oarlock.base.scratch import scratch
 
 CONTENTS = ("README.md", "figures", "index.html", "timings.json", "provenance.json")
 """Names in the folder of a report. A folder that holds anything else is not replaced."""
@@ -61,7 +61,7 @@ def write_whole(target: Path, write: Callable[[Path], None]) -> Path:
     try:
         target = target.resolve()  # of a link, what it leads to
         target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
+        temporary = scratch(f".{target.name}", target.parent)
         try:
             write(temporary)
             temporary.chmod(0o755)

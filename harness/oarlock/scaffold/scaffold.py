@@ -6,7 +6,6 @@ and what only the author can know is left as a comment that says how to add it.
 
 import os
 import re
-import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import polars as pl
 from oarlock.base.errors import InputError, RefusedError, few, one_line
 from oarlock.base.files import write_text
 from oarlock.base.progress import Progress
+from oarlock.base.scratch import scratch_folder, sweep_up
 from oarlock.cases import case as cases
 from oarlock.cases.case import Case, load_case
 from oarlock.experiments.outcome import Results
@@ -173,14 +173,17 @@ def new_model(
     target = (to or models_folder() or Path()) / name
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InputError(f"'{target}' is there already, expected a new name or an empty folder")
+    progress = progress or Progress()
     try:
         target = target.resolve() if target.is_symlink() else target
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=target.parent) as temporary:
-            folder = Path(temporary) / name
+        if left := sweep_up([target.parent]):
+            progress.note(left)
+        with scratch_folder(f".{name}", target.parent) as temporary:
+            folder = temporary / name
             folder.mkdir()
             with mujoco_ends_in_a_line(source):
-                scaffold = _write(name, source, folder, _picture(name, target.parent), progress or Progress(), outside)
+                scaffold = _write(name, source, folder, _picture(name, target.parent), progress, outside)
             if target.exists():
                 target.rmdir()
             os.replace(folder, target)

@@ -6,6 +6,7 @@ The core needs MuJoCo of exactly the version that it was built against, for it r
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from time import monotonic
 
 import mujoco
 import polars as pl
@@ -25,6 +26,19 @@ from oarlock.tables.spool import Spool
 
 CHUNK_ROWS = 10_000
 """Rows, of all tables of a walk together, that the core holds at most before they are taken over."""
+
+
+PORTION_S = 0.2
+"""Time that a portion of steps should take, s: as long as an interruption may have to wait."""
+
+_GROWTH = 8
+"""Factor by which a portion may be larger than the one before it."""
+
+
+def _portion(steps: int, took_s: float) -> int:
+    """How many steps to take next, when so many took so long."""
+    fitting = PORTION_S / max(took_s / steps, 1e-9)
+    return max(1, min(int(fitting), _GROWTH * steps, TICK_STEPS))
 
 
 @cache
@@ -125,15 +139,26 @@ class NativePath:
             table.append(self._frame(walk, columns, errors))
 
     def _advance(self, run: core.Run) -> Iterator[int]:
-        left = self._prepared.steps
+        """Takes all steps; yields how many it took, block by block of ``TICK_STEPS``.
+
+        A block is taken in portions that are small where steps are long, so that an interruption is seen soon. The
+        clock decides the size of portions and nothing else: what is done with a block hangs on the blocks.
+        """
+        left, portion = self._prepared.steps, 1
         while left > 0:
-            asked = min(TICK_STEPS, left)
-            taken = run.advance(asked)
-            self._tick(taken)
+            block, taken = min(TICK_STEPS, left), 0
+            while taken < block:
+                asked = min(portion, block - taken)
+                began = monotonic()
+                done = run.advance(asked)
+                taken += done
+                self._tick(done)
+                if done < asked:
+                    yield taken
+                    return
+                portion = _portion(asked, monotonic() - began)
             yield taken
             left -= taken
-            if taken < asked:
-                return
 
     def _ending(self, run: core.Run) -> Ending | None:
         if run.end is None:

@@ -11,6 +11,7 @@ from polars.io.plugins import register_io_source
 
 from oarlock.base.errors import DiskError
 from oarlock.base.files import reason
+from oarlock.base.scratch import scratch
 from oarlock.tables import parquet
 from oarlock.tables.folder import GROUP
 
@@ -129,9 +130,9 @@ class Spool:
 
     def _make_home(self) -> Path:
         if self._folder is None:
-            return Path(tempfile.mkdtemp(prefix="oarlock-"))
+            return scratch()
         self._folder.mkdir(parents=True, exist_ok=True)
-        return Path(tempfile.mkdtemp(prefix=".steps.", dir=self._folder))
+        return scratch(".steps", self._folder)
 
     def _source(
         self, with_columns: list[str] | None, predicate: pl.Expr | None, n_rows: int | None, batch_size: int | None

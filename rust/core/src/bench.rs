@@ -180,17 +180,18 @@ fn distance(x: &[f64], truth: &[f64]) -> f64 {
 
 /// Every solver of the registry, and the libraries' pseudo-inverses, at one size.
 ///
-/// `interrupted` is asked between rounds; the table is then that of the rounds so far.
+/// `interrupted` is asked between solves, of small systems between sequences of them; once it says so, the table is empty.
 ///
 /// # Errors
 /// [`Error::Shape`] if n is not a multiple of 6 and at least 6; whatever a solver refuses.
-pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -> Result<Vec<Timing>, Error> {
+pub fn compare(n: usize, rounds: usize, interrupted: impl FnMut() -> bool) -> Result<Vec<Timing>, Error> {
     if n == 0 || !n.is_multiple_of(6) {
         let expected = "a multiple of 6, at least 6".to_owned();
         return Err(Error::Shape { what: "n", expected, got: n.to_string() });
     }
-    let mut smooth = Sequence::record(n, 0.0)?;
-    let mut contradicted = Sequence::record(n, CONTRADICTION)?;
+    let mut watch = Watch { interrupted, ended: false };
+    let mut smooth = Sequence::record(n, 0.0, &mut watch)?;
+    let mut contradicted = Sequence::record(n, CONTRADICTION, &mut watch)?;
     let ours = SOLVERS.iter().map(|kind| (kind.build)(&Options::new()).map(Contestant::Ours));
     let libraries = LIBRARIES.iter().map(|&(name, solve)| Ok(Contestant::Library(name, solve)));
     let mut contestants = ours.chain(libraries).collect::<Result<Vec<_>, Error>>()?;
@@ -206,8 +207,8 @@ pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -
         .collect();
     let mut times = vec![[const { Vec::new() }; 2]; contestants.len()];
     for (contestant, timing) in contestants.iter_mut().zip(&mut table) {
-        (timing.contradicted_error, _) = contradicted.follow(contestant)?;
-        (timing.min_norm_error, timing.products) = smooth.follow(contestant)?;
+        (timing.contradicted_error, _) = contradicted.follow(contestant, &mut watch)?;
+        (timing.min_norm_error, timing.products) = smooth.follow(contestant, &mut watch)?;
     }
     for round in 0..rounds.max(1) {
         // There and back: who comes first after the libraries takes up to twice as long at n = 6.
@@ -218,12 +219,12 @@ pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -
         for (contestant, times) in order {
             for (forming, times) in [true, false].into_iter().zip(times.iter_mut()) {
                 // Once untimed: nobody pays for what the one before left in the caches.
-                smooth.time(contestant, forming)?;
-                times.push(smooth.time(contestant, forming)?);
+                smooth.time(contestant, forming, &mut watch)?;
+                times.push(smooth.time(contestant, forming, &mut watch)?);
             }
         }
-        if interrupted() {
-            break;
+        if watch.ends() {
+            return Ok(Vec::new());
         }
     }
     let median = |times: &mut Vec<f64>| {
@@ -236,6 +237,22 @@ pub fn compare(n: usize, rounds: usize, mut interrupted: impl FnMut() -> bool) -
     Ok(table)
 }
 
+/// Rows from which a solve takes so long that asking for interruptions beside it costs nothing that shows.
+const LARGE: usize = 96;
+
+/// Looks for interruptions, and remembers the first.
+struct Watch<F> {
+    interrupted: F,
+    ended: bool,
+}
+
+impl<F: FnMut() -> bool> Watch<F> {
+    fn ends(&mut self) -> bool {
+        self.ended = self.ended || (self.interrupted)();
+        self.ended
+    }
+}
+
 /// A recorded sequence with its solutions.
 struct Sequence {
     systems: Vec<ConstrainedSystem>,
@@ -246,10 +263,13 @@ struct Sequence {
 
 impl Sequence {
     /// A galley with n rows, whose accelerations asked for are off by `contradiction` of their size.
-    fn record(n: usize, contradiction: f64) -> Result<Self, Error> {
+    fn record(n: usize, contradiction: f64, watch: &mut Watch<impl FnMut() -> bool>) -> Result<Self, Error> {
         let count = WARM_UP + steps(n);
         let mut systems = vec![ConstrainedSystem::new(); count];
         for (step, system) in systems.iter_mut().enumerate() {
+            if watch.ends() {
+                break;
+            }
             let time = BEGIN + TIMESTEP * step as f64;
             let mut galley = Galley::new(n / 6, time);
             galley.contradict(|row| contradiction * (7.0 * time + row as f64).sin());
@@ -259,16 +279,31 @@ impl Sequence {
             let matrix = DMatrix::from_column_slice(n, n, &system.full_matrix());
             (matrix, DVector::from_column_slice(system.rhs()))
         };
-        let given: Vec<Given> = systems.iter().map(give).collect();
-        let truth = given.iter().map(|(matrix, rhs)| faer_eigen(matrix, rhs).as_slice().to_vec()).collect();
+        let mut given: Vec<Given> = Vec::new();
+        let mut truth = Vec::new();
+        for system in &systems {
+            if watch.ends() {
+                break;
+            }
+            let (matrix, rhs) = give(system);
+            truth.push(faer_eigen(&matrix, &rhs).as_slice().to_vec());
+            given.push((matrix, rhs));
+        }
         Ok(Self { systems, given, truth, x: vec![0.0; n] })
     }
 
     /// Largest relative distance from the minimum norm, and products a solve.
-    fn follow(&mut self, contestant: &mut Contestant) -> Result<(f64, f64), Error> {
+    fn follow(
+        &mut self,
+        contestant: &mut Contestant,
+        watch: &mut Watch<impl FnMut() -> bool>,
+    ) -> Result<(f64, f64), Error> {
         let (mut worst, mut products) = (0.0_f64, 0);
         contestant.reset();
         for ((system, given), truth) in self.systems.iter_mut().zip(&self.given).zip(&self.truth) {
+            if watch.ends() {
+                break;
+            }
             products += contestant.solve(system, given, &mut self.x)?;
             worst = worst.max(distance(&self.x, truth));
         }
@@ -276,13 +311,25 @@ impl Sequence {
     }
 
     /// Mean time of a solve, ns; `forming`: A is not there yet.
-    fn time(&mut self, contestant: &mut Contestant, forming: bool) -> Result<f64, Error> {
+    fn time(
+        &mut self,
+        contestant: &mut Contestant,
+        forming: bool,
+        watch: &mut Watch<impl FnMut() -> bool>,
+    ) -> Result<f64, Error> {
+        let large = self.x.len() >= LARGE;
+        if watch.ends() {
+            return Ok(f64::NAN);
+        }
         contestant.reset();
         for system in &mut self.systems {
             if forming { system.forget_matrix() } else { system.form_matrix() }
         }
         let mut begin = Instant::now();
         for (step, (system, given)) in self.systems.iter_mut().zip(&self.given).enumerate() {
+            if large && watch.ends() {
+                break;
+            }
             if step == WARM_UP {
                 begin = Instant::now();
             }

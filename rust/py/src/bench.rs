@@ -13,14 +13,16 @@ pub fn bench_sizes() -> Vec<usize> {
 }
 
 /// Every solver and every library's pseudo-inverse on the recorded sequence of n rows, as dictionaries with the
-/// fields of `Timing` and whether it is right. An interruption is raised between rounds.
+/// fields of `Timing` and whether it is right. An interruption is raised between solves.
 #[pyfunction]
 #[allow(clippy::redundant_closure_for_method_calls)] // the method itself has too narrow a lifetime
 pub fn bench_solvers(py: Python<'_>, n: usize, rounds: usize) -> PyResult<Bound<'_, PyList>> {
     let mut signal = Ok(());
     let table = py.detach(|| {
         compare(n, rounds, || {
-            signal = Python::attach(|py| py.check_signals());
+            if signal.is_ok() {
+                signal = Python::attach(|py| py.check_signals());
+            }
             signal.is_err()
         })
     });
