@@ -60,6 +60,6 @@ def test_warnings_as_errors_are_a_line(tmp_path, oarlock_here, monkeypatch):
     def warn(*_, **__):
         raise UserWarning("something is old\nand long")
 
-    monkeypatch.setattr("oarlock.experiments.session.run", warn)
+    monkeypatch.setattr("oarlock.experiments.session.run_beside", warn)
     finished = oarlock_here("run", write_model(tmp_path / "old", four_bar()))
     assert (finished.returncode, finished.stderr) == (2, "oarlock: something is old and long\n")

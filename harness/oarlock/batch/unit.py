@@ -26,7 +26,6 @@ from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task, Walk
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
-from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.tables.aggregate import summarise
@@ -147,7 +146,7 @@ def run_unit(unit: Unit) -> Outcome:
     """Does a unit. A mistake or an error ends in its outcome, never in an exception."""
     began = time.perf_counter()
     try:
-        with quiet_engine(), mujoco_ends_in_a_line(unit.case):
+        with mujoco_ends_in_a_line(unit.case):
             outcome = _run(unit)
     except InputError as error:
         outcome = Outcome(Failure("refused", one_line(error)))

@@ -17,7 +17,6 @@ import polars as pl
 
 from oarlock.base.answer import Answer, html_table
 from oarlock.base.errors import InputError, few, one_line
-from oarlock.base.forks import require_threads
 from oarlock.compare.figures import (
     VERDICTS,
     Comparison,
@@ -188,7 +187,6 @@ def diff(
         InputError: a folder is missing or holds no results, a file is damaged, the schemas differ, or the factor is
             not above 1.
     """
-    require_threads()
     if timings is not None and not (math.isfinite(timings) and timings > 1.0):
         raise InputError(f"timings = {timings:g}, expected a factor > 1")
     with believing(Path(before)):

@@ -104,18 +104,16 @@ def begun(file: str | Path, options: CheckOptions) -> "Examination":
     """
     require_threads()
     from oarlock.diagnosis.examination import begin
-    from oarlock.mechanics.load import quiet_engine
 
-    with _one_thread(), quiet_engine(), mujoco_ends_in_a_line(file):
+    with _one_thread(), mujoco_ends_in_a_line(file):
         return begin(str(file), options)
 
 
 def parts(examination: "Examination") -> Iterator[str]:
     """Looks at the model; gives the name of every part of the examination as soon as it is there."""
     from oarlock.diagnosis.examination import examine
-    from oarlock.mechanics.load import quiet_engine
 
-    with _one_thread(), quiet_engine(), mujoco_ends_in_a_line(examination.file):
+    with _one_thread(), mujoco_ends_in_a_line(examination.file):
         yield from examine(examination)
 
 
@@ -127,9 +125,8 @@ def _one_thread() -> threadpool_limits:
 def judged(examination: "Examination") -> Checked:
     """The answer to an examination that is complete."""
     from oarlock.diagnosis.verdict.verdicts import judge
-    from oarlock.mechanics.load import quiet_engine
 
-    with quiet_engine():
+    with mujoco_ends_in_a_line():
         return Checked(examination, judge(examination, examination.options.fail_above))
 
 

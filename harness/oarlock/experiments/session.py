@@ -22,17 +22,14 @@ from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
-from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping.prepared import PreparedCase
-from oarlock.tables import parquet
 from oarlock.tables.aggregate import judge, summarise
-from oarlock.tables.folder import SUMMARY, ResultFolder
+from oarlock.tables.folder import SUMMARY, ResultFolder, scan_parquet
 from oarlock.tables.provenance import inputs, occasion
 from oarlock.tables.schema import RunResult
 
 
 @takes(RunOptions)
-@mujoco_ends_in_a_line()
 def run(
     model: str | Path,
     options: RunOptions | None = None,
@@ -81,7 +78,7 @@ class _HeldError(InputError):
 
 
 def _run(case: Case, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
-    with quiet_engine():
+    with mujoco_ends_in_a_line():
         return _run_quietly(case, options, folder, replace, progress)
 
 
@@ -155,7 +152,7 @@ class _Keeper:
             if folder:
                 folder.write_json("sketch.json", results.sketch)
         if folder and result.steps.on_disk:
-            results.tables.append(parquet.scan(folder.steps_path(result.key.slug)))
+            results.tables.append(scan_parquet(folder.steps_path(result.key.slug)))
             result.steps.close()
         else:
             results.tables.append(result.table())

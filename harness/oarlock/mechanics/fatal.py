@@ -6,14 +6,12 @@ from contextlib import contextmanager
 import mujoco
 
 from oarlock.base.errors import InputError, one_line
-from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.load import quiet_engine
 
 
 @contextmanager
 def mujoco_ends_in_a_line(what: object = "") -> Iterator[None]:
-    """Turns MuJoCo's fatal errors into one line; its warnings, which it would write to the working folder, are dropped.
-
-    What they warn of is looked at where it matters: rows that do not fit in the memory, states that are not finite.
+    """Turns MuJoCo's fatal errors into one line, and keeps it from its own words, as ``quiet_engine`` does.
 
     Args:
         what: the model, for a message about one of several.
@@ -22,7 +20,7 @@ def mujoco_ends_in_a_line(what: object = "") -> Iterator[None]:
         InputError: MuJoCo cannot go on.
     """
     try:
-        with collected_warnings():
+        with quiet_engine():
             yield
     except (mujoco.FatalError, mujoco.UnexpectedError) as error:
         raise InputError(f"{what}{': ' if what else ''}MuJoCo cannot go on: {one_line(error)[:300]}") from None

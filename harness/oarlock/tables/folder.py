@@ -5,7 +5,7 @@ document has its checksum, and the summary has those of the tables; both are ver
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ import polars as pl
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.files import read_bytes, reading, replacing, write_bytes
-from oarlock.tables import checksums, parquet
+from oarlock.tables import checksums
 
 if TYPE_CHECKING:
     from oarlock.tables.schema import RunResult
@@ -37,6 +37,30 @@ OCCASION = ("commit", "date", "cores", "kernel")
 def occasion_of(provenance: dict[str, Any]) -> dict[str, Any]:
     """Returns the part of a provenance that differs from one occasion to the next; None for what it lacks."""
     return {key: provenance.get(key) for key in OCCASION}
+
+
+def scan_parquet(path: Path) -> pl.LazyFrame:
+    """The table in a file, to be read when it is needed.
+
+    To polars a path is a pattern: brackets, asterisks and question marks select files, ``key=value`` adds a column, a
+    tilde is somebody's home and ``file:`` the beginning of an address. Here every path names one file.
+    """
+    return pl.scan_parquet(_literal(path), glob=False, hive_partitioning=False)
+
+
+def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pl.DataFrame:
+    """Reads a table, or some of its columns."""
+    wanted = None if columns is None else list(columns)
+    return pl.read_parquet(_literal(path), columns=wanted, glob=False, hive_partitioning=False)
+
+
+def write_parquet(table: pl.LazyFrame, path: Path, group: int) -> None:
+    """Writes a table in groups of so many rows, without having all of it in memory."""
+    table.sink_parquet(_literal(path), compression="zstd", row_group_size=group)
+
+
+def _literal(path: Path) -> Path:
+    return path.absolute()
 
 
 class ResultFolder:
@@ -67,13 +91,13 @@ class ResultFolder:
 
     def _write(self, name: str, table: pl.LazyFrame) -> Sums:
         with replacing(self.path / name) as temporary:
-            parquet.write(table, temporary, GROUP)
+            write_parquet(table, temporary, GROUP)
             return {name: str(checksums.of_file(temporary))}
 
     def read_truth(self) -> pl.DataFrame:
         """Reads the outside truth at times of the steps."""
         with reading(self.verified(TRUTH)) as path:
-            return parquet.read(path)
+            return read_parquet(path)
 
     def forget_steps_but(self, slugs: list[str]) -> None:
         """Removes the steps of runs whose slugs are not given, which an earlier summary of this folder had."""
@@ -84,7 +108,7 @@ class ResultFolder:
     def read_steps(self, slug: str) -> pl.DataFrame:
         """Reads the steps of a run."""
         with reading(self.steps_path(slug)) as path:
-            return parquet.read(path)
+            return read_parquet(path)
 
     @contextmanager
     def scanning(self, slug: str) -> Iterator[pl.LazyFrame]:
@@ -94,7 +118,7 @@ class ResultFolder:
             InputError: the file is missing or damaged, or is not the one that the summary names.
         """
         with reading(self.verified(steps_name(slug))) as path:
-            yield parquet.scan(path)
+            yield scan_parquet(path)
 
     def verified(self, name: str) -> Path:
         """The path of a table, once its contents were found to be what the summary says.

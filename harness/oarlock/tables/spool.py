@@ -12,8 +12,7 @@ from polars.io.plugins import register_io_source
 from oarlock.base.errors import DiskError
 from oarlock.base.files import reason
 from oarlock.base.scratch import scratch
-from oarlock.tables import parquet
-from oarlock.tables.folder import GROUP
+from oarlock.tables.folder import GROUP, read_parquet
 
 Schema = Mapping[str, pl.DataType | type[pl.DataType]]
 
@@ -82,7 +81,7 @@ class Spool:
         """
         wanted = list(columns) if columns is not None else list(self._schema)
         for part in self._parts:
-            yield parquet.read(part, wanted)
+            yield read_parquet(part, wanted)
         if self._held or not self._parts:
             yield self._rest().select(wanted)
 
