@@ -7,8 +7,9 @@ use crate::library::{Data, EQ_JOINT, EQ_WELD, Model};
 /// The gaps of the rows of one model's states.
 #[derive(Debug, Clone)]
 pub struct Gaps {
-    /// Whether each entry of qvel is an angular velocity.
-    turns: Vec<bool>,
+    /// Entries of qvel that are angular velocities.
+    turns: Vec<usize>,
+    nv: usize,
     gaps: Vec<f64>,
 }
 
@@ -16,7 +17,7 @@ impl Gaps {
     /// For states of one model.
     #[must_use]
     pub fn new(model: &Model) -> Self {
-        let mut turns = vec![false; model.nv()];
+        let mut turns = Vec::new();
         for (&kind, &first) in model.jnt_type().iter().zip(model.jnt_dofadr()) {
             let first = usize::try_from(first).unwrap_or(0);
             // Of mjtJoint: free, ball, slide, hinge.
@@ -26,9 +27,9 @@ impl Gaps {
                 2 => first..first,
                 _ => first..first + 1,
             };
-            turns[angular].fill(true);
+            turns.extend(angular);
         }
-        Self { turns, gaps: Vec::new() }
+        Self { turns, nv: model.nv(), gaps: Vec::new() }
     }
 
     /// Asks to hold the rank of the rows along the path that a data is on, with what the rows are of; `jacobian` (ne×nv) is
@@ -37,7 +38,7 @@ impl Gaps {
     /// A row of a connect tilts by its gap over the longest lever of a joint that moves it, a rotation by its gap. Rows of
     /// joint equalities do not turn.
     pub fn hold(&mut self, data: &Data, jacobian: &[f64], system: &mut ConstrainedSystem) {
-        let (nv, ids, kinds) = (self.turns.len(), data.id(), data.model().eq_type());
+        let (nv, ids, kinds) = (self.nv, data.id(), data.model().eq_type());
         self.gaps.clear();
         let mut row = 0;
         while row < ids.len() {
@@ -45,10 +46,15 @@ impl Gaps {
             let end = row + ids[row..].iter().take_while(|&&other| other == owner).count();
             let kind = kinds[usize::try_from(owner).unwrap_or(0)];
             let moved = if kind == EQ_WELD { (row + 3).min(end) } else { end };
+            // Levers are looked for where they decide: rows that are closed do not tilt.
+            let open = data.pos()[row..moved].iter().any(|deviation| *deviation != 0.0);
             let mut length = 0.0_f64;
-            for entries in jacobian[row * nv..moved * nv].chunks_exact(nv) {
-                for (entry, _) in entries.iter().zip(&self.turns).filter(|(_, turns)| **turns) {
-                    length = length.max(entry.abs());
+            if open && kind != EQ_JOINT {
+                for entries in jacobian[row * nv..moved * nv].chunks_exact(nv) {
+                    for &velocity in &self.turns {
+                        let lever = entries[velocity].abs();
+                        length = if lever > length { lever } else { length };
+                    }
                 }
             }
             for (index, deviation) in (row..end).zip(&data.pos()[row..end]) {
