@@ -10,7 +10,8 @@ pub struct Gaps {
     /// Entries of qvel that are angular velocities.
     turns: Vec<usize>,
     nv: usize,
-    gaps: Vec<f64>,
+    /// Of each row.
+    relative: Vec<f64>,
 }
 
 impl Gaps {
@@ -29,7 +30,7 @@ impl Gaps {
             };
             turns.extend(angular);
         }
-        Self { turns, nv: model.nv(), gaps: Vec::new() }
+        Self { turns, nv: model.nv(), relative: Vec::new() }
     }
 
     /// Asks to hold the rank of the rows along the path that a data is on, with what the rows are of; `jacobian` (ne×nv) is
@@ -39,7 +40,7 @@ impl Gaps {
     /// joint equalities do not turn.
     pub fn hold(&mut self, data: &Data, jacobian: &[f64], system: &mut ConstrainedSystem) {
         let (nv, ids, kinds) = (self.nv, data.id(), data.model().eq_type());
-        self.gaps.clear();
+        self.relative.clear();
         let mut row = 0;
         while row < ids.len() {
             let owner = ids[row];
@@ -60,11 +61,11 @@ impl Gaps {
             for (index, deviation) in (row..end).zip(&data.pos()[row..end]) {
                 let still = index < moved && (kind == EQ_JOINT || length == 0.0);
                 let unit = if index < moved { length } else { 1.0 };
-                self.gaps.push(if still { 0.0 } else { deviation.abs() / unit });
+                self.relative.push(if still { 0.0 } else { deviation.abs() / unit });
             }
             row = end;
         }
-        system.hold_rank(&self.gaps);
+        system.hold_rank(&self.relative);
         system.set_constraints(ids.iter().map(|&owner| usize::try_from(owner).unwrap_or(usize::MAX)));
     }
 }
