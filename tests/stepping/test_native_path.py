@@ -22,6 +22,7 @@ from oarlock.mechanics.load import collected_warnings
 from oarlock.stepping import native_path
 from oarlock.stepping.solvers import SolverSpec
 from oarlock.stepping.start import ConsistentStart
+from oarlock.stepping.walkers import LOST
 from oarlock.tables.spool import Spool
 
 STEPS, MANY_STEPS = 200, 2000
@@ -167,6 +168,19 @@ def test_a_run_that_diverges_keeps_the_same_steps(tmp_path, mode):
     ended = require_equal(case, task, 400)
     assert all(0 < len(steps) < 400 for _, _, steps in ended)
     assert all(status == "diverged" for status, _, _ in ended)
+
+
+@pytest.mark.parametrize("tilt", [1e-5, 6e-5])
+def test_a_loop_that_a_tilted_hinge_opens_ends_the_run_where_it_counts(tmp_path, tilt):
+    """The row across its plane is redundant at the start, and cannot be closed once the rocker turns."""
+    path = write_model(tmp_path, four_bar(rocker=f'axis="0 1 {tilt}"'))
+    free = Task("free", MUJOCO, ("hard",), (AUTO, PINV), "rk4", "default", "projection")
+    ended = require_equal(case_of(path, start={"qvel": {"crank": 1.0}}), free, 400)
+    for status, message, steps in ended:
+        assert status == "diverged"
+        assert "can no longer be closed together" in message
+        assert 0 < len(steps) < 400
+        assert steps["drift_pos"].max() <= LOST
 
 
 @pytest.mark.parametrize("size", [1, 7, 200])

@@ -17,7 +17,11 @@ from oarlock.base.vectors import Vector, cross, dot, plus, scaled
 from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.prepare import integrator_of
-from oarlock.stepping.projection import Projector
+from oarlock.stepping.projection import Projector, gap
+
+LOST = 1e-6
+"""m or rad. Rows that closing leaves open by more than six digits of a file leave admit no motion on which their rank
+stays what it was: what would follow is no exact solution."""
 
 _SMALL_ANGLE = 1e-4
 """rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding."""
@@ -147,6 +151,9 @@ class ForcedWalker:
         A projection may move the state about as far as the steps did since rows were last closed; more is refused, and
         noted in its status. How far is h max|v| + h² max|a|: at a turning point the velocities say nothing, and what a
         step leaves open there is of the order of h² a.
+
+        Raises:
+            InputError: the nearest pose leaves a row open by more than ``LOST``.
         """
         integrate = self._runge_kutta if self._staged else partial(self._function, self.model, self.data)
         if self._projector is None:
@@ -157,7 +164,12 @@ class ForcedWalker:
         integrate()
         if is_sane(self.data):
             fastest = max(fastest, np.abs(self.data.qvel).max())
-            self._projector.project(self.data, gone=step * float(fastest) + step * step * float(hardest))
+            done = self._projector.project(self.data, gone=step * float(fastest) + step * step * float(hardest))
+            if done.status == "open" and gap(self.data) > LOST:
+                raise InputError(
+                    "the rows can no longer be closed together: the nearest pose leaves one open by more than "
+                    "1e-6 m or rad, expected none"
+                )
 
     def mujoco_answer(self) -> tuple[np.ndarray, np.ndarray]:
         """What MuJoCo's solver says here; our own force is put back afterwards."""

@@ -24,6 +24,11 @@ pub enum Error {
         /// data.time, s.
         time: f64,
     },
+    /// A projection left rows open that count: the exact solution is lost.
+    #[error(
+        "the rows can no longer be closed together: the nearest pose leaves one open by more than 1e-6 m or rad, expected none"
+    )]
+    Lost,
     /// A law of time does not parse or names an unknown variable.
     #[error("time law '{law}': {reason}")]
     TimeLaw {

@@ -8,11 +8,15 @@ use crate::drive::Drive;
 use crate::error::Error;
 use crate::force::ForceLaw;
 use crate::library::{Data, Model};
-use crate::projection::Projector;
+use crate::projection::{Landing, Projector};
 use crate::vectors::{Vector, at, cross, dot, largest, plus, scaled};
 
 /// rad. Below it (1 − (θ/2) cot(θ/2))/θ² is its limit 1/12: the next term, θ²/720 times θ²ω, is below rounding.
 const SMALL_ANGLE: f64 = 1e-4;
+
+/// m or rad. Rows that closing leaves open by more than six digits of a file leave admit no motion on which their rank stays
+/// what it was: what would follow is no exact solution.
+pub const LOST: f64 = 1e-6;
 
 const FREE: i32 = 0;
 const BALL: i32 = 1;
@@ -62,7 +66,7 @@ impl<F: ForceLaw> ForcedWalker<F> {
     /// there is of the order of h² a.
     ///
     /// # Errors
-    /// What the stages, the force law or the projection say.
+    /// [`Error::Lost`]: the nearest pose leaves a row open by more than [`LOST`]; what the stages, the force law or the projection say.
     pub fn step(&mut self) -> Result<(), Error> {
         let (before, hardest) = (largest(self.data.qvel()), largest(self.data.qacc()));
         if self.data.model().is_staged() {
@@ -76,6 +80,10 @@ impl<F: ForceLaw> ForcedWalker<F> {
             let fastest = before.max(largest(self.data.qvel()));
             let step = self.data.model().timestep();
             projector.project(&mut self.data, step * fastest + step * step * hardest)?;
+            let open = projector.last.is_some_and(|last| last.landing == Landing::Open);
+            if open && largest(self.data.pos()) > LOST {
+                return Err(Error::Lost);
+            }
         }
         Ok(())
     }

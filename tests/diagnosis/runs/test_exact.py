@@ -1,6 +1,9 @@
 """The exact run beside a recorded one: where it ends, and what is left of one that diverged."""
 
+import math
+
 import mujoco
+import numpy as np
 import oarlock
 import pytest
 from mechanisms import four_bar
@@ -43,3 +46,41 @@ def test_the_exact_solution_says_how_far_it_got_and_how_far_it_is_off(tmp_path):
     assert exact["end"] == {"how": "finished", "time_s": pytest.approx(1.998), "message": ""}
     assert 0 < exact["error"] < ERROR_BOUND
     assert exact["integrator"] == "rk4"
+
+
+CRANK, FRAME, END = 0.3, 0.8, (0.4, 0.35)
+"""m: of a four-bar whose coupler and rocker meet at ``END`` while its crank stands upright."""
+
+DRIVEN = f"""
+<mujoco>
+  <option timestep="0.001"/>
+  <default><joint axis="0 1 0"/><geom type="capsule" size="0.02" density="500" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body><joint name="crank"/><geom fromto="0 0 0 0 0 {CRANK}"/>
+      <body name="coupler" pos="0 0 {CRANK}"><joint/><geom fromto="0 0 0 {END[0]} 0 {END[1] - CRANK}"/></body>
+    </body>
+    <body name="rocker" pos="{FRAME} 0 0"><joint/><geom fromto="0 0 0 {END[0] - FRAME} 0 {END[1]}"/></body>
+  </worldbody>
+  <equality><connect body1="coupler" body2="rocker" anchor="{END[0]} 0 {END[1] - CRANK}"/></equality>
+  <actuator><motor name="m" joint="crank" gear="GEAR"/></actuator>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(("gear", "why"), [("-800", "was lost at t = 0.0"), ("-200", "is too far off")])
+def test_a_motor_that_drives_a_crank_into_its_dead_point_is_followed_by_finer_steps(gear, why):
+    """Stretched out, coupler and rocker make a triangle with crank and frame: the crank turns no farther."""
+    reach = math.hypot(END[0], END[1] - CRANK) + math.hypot(END[0] - FRAME, END[1])
+    farthest = 0.5 * math.pi - math.acos((CRANK**2 + FRAME**2 - reach**2) / (2.0 * CRANK * FRAME))
+    model = mujoco.MjModel.from_xml_string(DRIVEN.replace("GEAR", gear))
+    data = mujoco.MjData(model)
+    run = record_exact(model, data.qpos, data.qvel, {"m": "1.0"}, 300)
+    assert (run.end.how, run.integrator) == ("finished", "rk4")
+    assert run.end.time_s == pytest.approx(0.299)
+    assert f"at a tenth of the timestep: with euler at the whole one it {why}" in run.note
+    np.testing.assert_allclose(run.time, 0.001 * np.arange(300), atol=1e-12)
+    assert run.drift[:, 0].max() < 1e-12
+    error = float(run.error.max())
+    assert 0 < error < 1e-6
+    # Poses a step apart miss the turning point by what the crank goes in half a step at most.
+    crank = run.qpos[:, 0]
+    assert farthest - error <= crank.min() < farthest + 0.5 * np.abs(np.diff(crank)).max()

@@ -11,7 +11,7 @@ import polars as pl
 
 from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case_file import Baumgarte
-from oarlock.cases.integrators import SUBSTITUTE
+from oarlock.cases.integrators import INTEGRATORS, SUBSTITUTE
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.walking import End, own_copy
@@ -22,8 +22,16 @@ from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.solvers import SolverSpec
+from oarlock.tables.promise import ERROR_BOUND
 
 SOLVER = SolverSpec("auto")
+
+FINER = 10
+"""Parts of a timestep, by Runge–Kutta, that a run is done anew with where it was lost or cannot be trusted: a mechanism
+that a motor drives through a dead point turns back there within one step of the model's own."""
+
+FINER_WORK = 4_000_000
+"""Steps times velocities up to which that is done: some ten seconds."""
 
 _FIGURES = ("rank", "drift_pos", "drift_vel", "drift_acc", "error_estimate", "qpos", "residual", "multipliers")
 
@@ -33,7 +41,7 @@ class ExactRun:
     """The exact solution; arrays over time are (steps, …), at the start of each step, rows in the layout.
 
     Attributes:
-        integrator: the one that was used; ``note`` says why, where it is not the model's own.
+        integrator: the one that was used; ``note`` says why, where it or its timestep is not the model's own.
         qpos: (steps, nq).
         position: r, m or rad.
         force: minimum-norm multipliers λ, N or N m, in MuJoCo's sign.
@@ -64,6 +72,8 @@ def record_exact(
 ) -> ExactRun:
     """Runs the exact solution from a closed start.
 
+    Where the model's own integrator loses it, or leaves it too far off by its own estimate, finer steps are tried.
+
     Args:
         model: the user's; it is left alone. Its contacts, limits and friction are as its flags say.
         qpos: closed start, (nq).
@@ -82,19 +92,40 @@ def record_exact(
         set_integrator(own, SUBSTITUTE.name)
         note = f"{SUBSTITUTE} in place of {asked}"
         note += f", for the model has {model.na} actuator activation(s)" if stuck else ""
+    first = _record(own, qpos, qvel, laws, steps, note)
+    if _trusted(first) or first.end.how == "refused" or FINER * steps * model.nv > FINER_WORK:
+        return first
+    finest = INTEGRATORS["rk4"] if not model.na else SUBSTITUTE
+    set_integrator(own, finest.name)
+    own.opt.timestep /= FINER
+    why = "it is too far off" if first.end.how == "finished" else f"it was lost at t = {first.end.time_s:.6g} s"
+    again = f"at a tenth of the timestep: with {first.integrator} at the whole one {why}"
+    finer = _record(own, qpos, qvel, laws, steps, f"{note}; {again}" if note else again, FINER)
+    return finer if _trusted(finer) else first
+
+
+def _trusted(run: ExactRun) -> bool:
+    """Whether a run got to its end and is, by its own estimate, where the mechanism is."""
+    return run.end.how == "finished" and float(run.error.max(initial=0.0)) <= ERROR_BOUND
+
+
+def _record(
+    own: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, laws: dict[str, str], steps: int, note: str, parts: int = 1
+) -> ExactRun:
+    """A run of a model's own integrator and timestep, of which every ``parts``-th step is kept, ``steps`` in all."""
     data = mujoco.MjData(own)
     data.qpos[:], data.qvel[:] = qpos, qvel
     layout = Layout.of(own, data.eq_active)
     Curvature(own, data)
     if layout.rows == 0:
         raise InputError("no active equality, expected at least one that closes a loop")
-    prepared = Prepared(own, drive(own, laws), data.qpos.copy(), data.qvel.copy(), steps)
+    prepared = Prepared(own, drive(own, laws), data.qpos.copy(), data.qvel.copy(), parts * steps)
     path = fitting_path(prepared, Baumgarte())
     (table,), ending = path.free(SOLVER, "hard", TRACKED)
     rows = _Rows(own, layout, steps)
-    for chunk in table.chunks(_FIGURES):
-        rows.take(chunk)
-    return rows.run(integrator_of(own).name, note, _end(ending, prepared))
+    for chunk in table.chunks(("step", *_FIGURES)):
+        rows.take(chunk.filter(pl.col("step") % parts == 0))
+    return rows.run(integrator_of(own).name, note, parts * own.opt.timestep, _end(ending, prepared, parts))
 
 
 class _Rows:
@@ -134,8 +165,9 @@ class _Rows:
         self.present[step, columns] = True
         self.taken += 1
 
-    def run(self, integrator: str, note: str, end: End) -> ExactRun:
-        n, timestep = self.taken, float(self._model.opt.timestep)
+    def run(self, integrator: str, note: str, timestep: float, end: End) -> ExactRun:
+        """What was taken, of which rows are ``timestep`` (s) apart."""
+        n = self.taken
         return ExactRun(
             layout=self._layout,
             integrator=integrator,
@@ -153,9 +185,9 @@ class _Rows:
         )
 
 
-def _end(ending: Ending | None, prepared: Prepared) -> End:
+def _end(ending: Ending | None, prepared: Prepared, parts: int) -> End:
     if ending is None:
-        return End("finished", max(0, prepared.steps - 1) * prepared.timestep_s)
+        return End("finished", max(0, prepared.steps - parts) * prepared.timestep_s)
     if isinstance(ending.error, RefusedError):
         return End("refused", ending.time_s, ending.reason.partition(", expected")[0])
     if ending.error is not None and ending.step == 0:
