@@ -27,7 +27,9 @@ from suites import Heard
         ({"walker": "gauss"}, "unknown solver 'gauss'"),
         ({"timestep": 0.0}, "timestep = 0 s, expected a finite number > 0"),
         ({"duration": float("inf")}, "duration = inf s, expected a finite number > 0"),
-        ({"threads": 0}, "threads = 0, expected a number ≥ 1"),
+        ({"threads": 0}, "threads = 0, expected a whole number ≥ 1"),
+        ({"threads": 1.5}, "threads = 1.5, expected a whole number ≥ 1"),
+        ({"threads": "2"}, "threads = '2', expected a whole number ≥ 1"),
     ],
 )
 def test_what_is_refused(asked, said):

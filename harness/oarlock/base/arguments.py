@@ -4,7 +4,7 @@ import inspect
 import math
 from collections.abc import Callable
 from dataclasses import fields, replace
-from numbers import Real
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from oarlock.base.errors import InputError, choose
@@ -48,6 +48,18 @@ def require_number(name: str, value: Any, *, unit: str = "", positive: bool = Fa
         shown = f"{size:g}" if number else repr(value)
         least = "> 0" if positive else "≥ 0"
         raise InputError(f"{name} = {f'{shown} {unit}'.rstrip()}, expected a finite number {least}")
+
+
+def require_count(name: str, value: Any) -> None:
+    """Checks a whole number ≥ 1 that a user may give; None is left to the default.
+
+    Raises:
+        InputError: it is no whole number, or below 1.
+    """
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if value is not None and not (whole and value >= 1):
+        shown = value if isinstance(value, Real) else repr(value)
+        raise InputError(f"{name} = {shown}, expected a whole number ≥ 1")
 
 
 def takes(kind: type[Any]) -> Callable[[Function], Function]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from oarlock.base.arguments import require_number
+from oarlock.base.arguments import require_count, require_number
 from oarlock.base.cores import cores
 from oarlock.base.errors import InputError, few
 from oarlock.base.forks import require_threads
@@ -140,8 +140,7 @@ def _workers(
     jobs: int | None, scheduler: str | None, limit_s: float | None, progress: Progress
 ) -> Iterator[tuple[Workers, Workers]]:
     """Who does the units and who makes the pages, which are files here."""
-    if jobs is not None and jobs < 1:
-        raise InputError(f"jobs = {jobs}, expected a number ≥ 1")
+    require_count("jobs", jobs)
     if scheduler is None:
         with closing(LocalWorkers(jobs or cores(), limit_s)) as local:
             yield local, local

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from oarlock.base.arguments import require_number
+from oarlock.base.arguments import require_count, require_number
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.case_file import Form, Stabilisation
 from oarlock.cases.conditions import Conditions
@@ -62,8 +62,7 @@ class RunOptions:
             require_number(name, getattr(self, name), unit=unit, positive=True)
         if not isinstance(self.solver, str | Sequence):
             raise InputError(f"solver = {self.solver!r}, expected a name or a list of names")
-        if self.threads is not None and self.threads < 1:
-            raise InputError(f"threads = {self.threads}, expected a number ≥ 1")
+        require_count("threads", self.threads)
         choices = (
             ("mode", self.mode, list(ASKABLE)),
             ("form", self.form, list(FORMS)),
