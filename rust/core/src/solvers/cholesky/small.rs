@@ -361,3 +361,62 @@ impl<const N: usize> Null<N> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a loop that stands open leaves of a redundant row.
+    const OPEN: f64 = 1e-9;
+
+    /// Rounding of a system with a condition of 10, some ten times.
+    const TOLERANCE: f64 = 1e-13;
+
+    /// An orthonormal basis: the cosines of a discrete transform.
+    fn basis<const N: usize>() -> Square<N> {
+        let size = N as f64;
+        std::array::from_fn(|k| {
+            let scale = if k == 0 { size.recip().sqrt() } else { (2.0 / size).sqrt() };
+            std::array::from_fn(|i| scale * (std::f64::consts::PI * k as f64 * (i as f64 + 0.5) / size).cos())
+        })
+    }
+
+    /// Eigenvalues from 1 to 10 on `rank` directions, and [`OPEN`] on the others.
+    fn check<const N: usize>(rank: usize) {
+        let basis = basis::<N>();
+        let value = |k: usize| if k < rank { 1.0 + 9.0 * k as f64 / N as f64 } else { OPEN };
+        let mut matrix = vec![0.0; N * N];
+        for (at, entry) in matrix.iter_mut().enumerate() {
+            *entry = (0..N).map(|k| value(k) * basis[k][at / N] * basis[k][at % N]).sum();
+        }
+        let rhs: [f64; N] = std::array::from_fn(|i| 1.0 + i as f64);
+        let (mut expected, mut cut_off) = ([0.0; N], rhs);
+        for k in 0..rank {
+            let part: f64 = basis[k].iter().zip(&rhs).map(|(entry, b)| entry * b).sum();
+            subtract(-part / value(k), &basis[k], &mut expected);
+            subtract(part, &basis[k], &mut cut_off);
+        }
+        let asked = Asked { rank_cut: 1e3 * OPEN, ceiling: N, wanted: Wanted::Multipliers };
+        let (mut order, mut x, mut outside): ([usize; N], _, _) =
+            (std::array::from_fn(|i| i), [0.0; N], [0.0; N]);
+        let first = solve::<N>(asked, &mut order, &matrix, &rhs, &mut x, &mut outside);
+        assert!(first.rank == rank && first.wants_refining(N), "{N}, {rank}: {first:?}");
+        let found = solve_refined::<N>(asked, &mut order, &matrix, &rhs, &mut x, &mut outside);
+        assert_eq!(found.rank, rank);
+        for (got, expected) in x.iter().zip(expected).chain(outside.iter().zip(cut_off)) {
+            let size = rhs[N - 1] * N as f64;
+            assert!((got - expected).abs() < TOLERANCE * size, "{N}, {rank}: {got:e}, not {expected:e}");
+        }
+    }
+
+    #[test]
+    fn a_null_space_of_open_loops_is_refined_to_rounding() {
+        check::<2>(1);
+        check::<3>(2);
+        check::<4>(2);
+        check::<5>(4);
+        check::<6>(4);
+        check::<7>(3);
+        check::<8>(5);
+    }
+}
