@@ -163,7 +163,7 @@ fn project_dynamic<'a>(columns: impl Iterator<Item = &'a [f64]>, v: &mut [f64]) 
     squared
 }
 
-/// `gram` = NᵀN of columns of n entries.
+/// `gram` = `NᵀN` of columns of n entries.
 fn products(n: usize, d: usize, basis: &[f64], gram: &mut [f64]) {
     if n >= BLOCKED && d > 2 {
         gemm_tr(d, n, basis, basis, gram);
