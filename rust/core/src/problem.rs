@@ -8,7 +8,9 @@ pub use blocks::Blocks;
 pub use fold::{FOLD_TOLERANCE, Fold};
 pub use step::{FactoredStep, StepView, Whiten};
 
-use crate::linalg::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr, gemv, gram, norm};
+use crate::linalg::kernels::{
+    BLOCKED, axpy, by_size, combined_norm_fixed, dot, gemm, gemm_tr, gemv, gram, norm, normal_fixed,
+};
 use crate::linalg::skyline;
 use crate::linalg::spans::Spans;
 
@@ -77,20 +79,18 @@ impl Problem<'_> {
             }
             return;
         }
-        let nv = self.work.len();
-        self.work.fill(0.0);
-        let columns = self.whitened.chunks_exact(nv).enumerate();
-        for ((index, column), &entry) in columns.clone().zip(x) {
-            axpy(entry, self.spans.cut(index, column), self.spans.cut_mut(index, self.work));
-        }
-        for ((index, column), entry) in columns.zip(y.iter_mut()) {
-            *entry = dot(self.spans.cut(index, column), self.spans.cut(index, self.work));
-        }
+        by_size!(self.work.len(), normal_fixed(self.whitened, x, y), self.apply_spans(x, y));
         if let Some(softness) = self.softness {
             for ((entry, softness), x) in y.iter_mut().zip(softness).zip(x) {
                 *entry += softness * x;
             }
         }
+    }
+
+    /// y = Wᵀ W x, each column of W by its span.
+    fn apply_spans(&mut self, x: &[f64], y: &mut [f64]) {
+        self.spans.combine(self.whitened, x, self.work);
+        self.spans.products(self.whitened, Some(self.work), |index, product| y[index] = product);
     }
 
     /// Returns ‖W x‖ of some `rows` of x, the acceleration M⁻¹ Jᵀ x in the norm of M; of a system given as dense (A, b) √(xᵀ A x).
@@ -104,6 +104,11 @@ impl Problem<'_> {
             return rows.iter().map(row_sum).sum::<f64>().max(0.0).sqrt();
         }
         // W x before its square: rounding of a part of x in null(A) would stand beside it otherwise.
+        by_size!(nv, combined_norm_fixed(self.whitened, rows, x), self.acceleration_norm_spans(rows, x, work))
+    }
+
+    fn acceleration_norm_spans(&self, rows: &[usize], x: &[f64], work: &mut Vec<f64>) -> f64 {
+        let nv = self.work.len();
         work.clear();
         work.resize(nv, 0.0);
         for &row in rows {

@@ -15,7 +15,6 @@ use self::scale::{exponent_of_factor, exponent_of_small, power_of_two};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::error::{Error, LARGEST, check_size};
-use crate::linalg::kernels::dot;
 use crate::linalg::spans::{Envelope, Spans};
 use crate::problem::fold::{Fold, scaled_copy};
 use crate::problem::step::{FactoredStep, StepView, Whiten};
@@ -366,11 +365,10 @@ impl ConstrainedSystem {
 
     /// b = aref − J a₀.
     fn ask(&mut self, aref: &[f64]) {
-        let (nv, start) = (self.nv(), self.unconstrained.as_slice());
-        let rows = self.jacobian_t.as_slice().chunks_exact(nv);
-        for (index, ((entry, aref), row)) in self.rhs.iter_mut().zip(aref).zip(rows).enumerate() {
-            *entry = aref - dot(self.spans.cut(index, row), self.spans.cut(index, start));
-        }
+        let (start, rhs) = (self.unconstrained.as_slice(), self.rhs.as_mut_slice());
+        self.spans.products(self.jacobian_t.as_slice(), Some(start), |row, product| {
+            rhs[row] = aref[row] - product;
+        });
         self.reduce_rhs();
     }
 
@@ -385,12 +383,14 @@ impl ConstrainedSystem {
 
     /// Finite input can still overflow: the diagonal of A bounds its other entries.
     fn check_overflow(&mut self) -> Result<(), Error> {
-        let (n, nv, mut most) = (self.reduced_rhs.len(), self.nv(), 0.0_f64);
-        let overflow = (0..n).find_map(|i| {
-            let column = self.whitened_spans.cut(i, &self.whitened.as_slice()[i * nv..(i + 1) * nv]);
-            let entry = dot(column, column) + self.softness.as_ref().map_or(0.0, |softness| softness[i]);
+        let (n, softness) = (self.reduced_rhs.len(), self.softness.as_deref());
+        let (mut most, mut overflow) = (0.0_f64, None);
+        self.whitened_spans.products(self.whitened.as_slice(), None, |i, square| {
+            let entry = square + softness.map_or(0.0, |softness| softness[i]);
             most = most.max(entry);
-            (!entry.is_finite() || entry > LARGEST).then_some((i * n + i, entry))
+            if overflow.is_none() && (!entry.is_finite() || entry > LARGEST) {
+                overflow = Some((i * n + i, entry));
+            }
         });
         let checked = match overflow {
             Some((index, value)) if value.is_finite() => Err(Error::TooLarge { what: "A", index, value }),

@@ -108,7 +108,7 @@ void oarlock_view_model(const mjModel* m, oarlock_model* view) {
     .body_parentid = m->body_parentid, .body_rootid = m->body_rootid, .body_dofadr = m->body_dofadr,
     .body_dofnum = m->body_dofnum, .jnt_type = m->jnt_type, .jnt_qposadr = m->jnt_qposadr,
     .jnt_dofadr = m->jnt_dofadr, .geom_bodyid = m->geom_bodyid, .site_bodyid = m->site_bodyid,
-    .eq_type = m->eq_type, .eq_obj1id = m->eq_obj1id, .eq_obj2id = m->eq_obj2id,
+    .eq_type = m->eq_type, .eq_objtype = m->eq_objtype, .eq_obj1id = m->eq_obj1id, .eq_obj2id = m->eq_obj2id,
     .tendon_adr = m->tendon_adr, .tendon_num = m->tendon_num, .wrap_type = m->wrap_type,
     .wrap_objid = m->wrap_objid, .qpos0 = m->qpos0, .geom_size = m->geom_size,
     .eq_data = m->eq_data, .eq_active0 = m->eq_active0, .tendon_length0 = m->tendon_length0, .wrap_prm = m->wrap_prm,

@@ -14,8 +14,8 @@ typedef struct {
   int64_t sparse, staged;
   double timestep;
   const int *body_parentid, *body_rootid, *body_dofadr, *body_dofnum, *jnt_type, *jnt_qposadr, *jnt_dofadr;
-  const int *geom_bodyid, *site_bodyid, *eq_type, *eq_obj1id, *eq_obj2id, *tendon_adr, *tendon_num;
-  const int *wrap_type, *wrap_objid;
+  const int *geom_bodyid, *site_bodyid, *eq_type, *eq_objtype, *eq_obj1id, *eq_obj2id;
+  const int *tendon_adr, *tendon_num, *wrap_type, *wrap_objid;
   const mjtBool* eq_active0;
   const double *qpos0, *geom_size, *eq_data, *tendon_length0, *wrap_prm;
   double extent, center[3];

@@ -124,6 +124,56 @@ pub(crate) fn gemv(a: &[f64], x: &[f64], y: &mut [f64]) {
     by_size!(x.len(), gemv_fixed(a, x, y), gemv_dynamic(a, x, y));
 }
 
+/// W x of some columns of W, of a length of 1 to 8.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn combined_fixed<const N: usize>(w: &[f64], x: &[f64], out: &mut [f64]) {
+    let (columns, _) = w.as_chunks::<N>();
+    out.copy_from_slice(&combine_fixed(columns.iter().zip(x.iter().copied())));
+}
+
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn combine_fixed<'a, const N: usize>(columns: impl Iterator<Item = (&'a [f64; N], f64)>) -> [f64; N] {
+    let mut sum = [0.0; N];
+    for (column, factor) in columns {
+        for (entry, other) in sum.iter_mut().zip(column) {
+            *entry += factor * other;
+        }
+    }
+    sum
+}
+
+/// y = Wᵀ W x of columns W of a length of 1 to 8.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn normal_fixed<const N: usize>(w: &[f64], x: &[f64], y: &mut [f64]) {
+    let (columns, _) = w.as_chunks::<N>();
+    let image = combine_fixed(columns.iter().zip(x.iter().copied()));
+    for (column, entry) in columns.iter().zip(y) {
+        *entry = dot(column, &image);
+    }
+}
+
+/// Hands over Wᵀ x, entry by entry, or the squares of the columns of W where there is no x; columns of a length of 1 to 8.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn products_fixed<const N: usize>(w: &[f64], x: Option<&[f64]>, mut take: impl FnMut(usize, f64)) {
+    let (columns, _) = w.as_chunks::<N>();
+    let x = x.and_then(|x| x.first_chunk::<N>());
+    for (index, column) in columns.iter().enumerate() {
+        take(index, dot(column, x.unwrap_or(column)));
+    }
+}
+
+/// ‖W x‖ of some columns of W, of a length of 1 to 8.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn combined_norm_fixed<const N: usize>(w: &[f64], rows: &[usize], x: &[f64]) -> f64 {
+    let (columns, _) = w.as_chunks::<N>();
+    norm(&combine_fixed(rows.iter().map(|&row| (&columns[row], x[row]))))
+}
+
 fn rank_one_fixed<const N: usize>(alpha: f64, w: &[f64], a: &mut [f64]) {
     for col in 0..N {
         let scaled = alpha * w[col];

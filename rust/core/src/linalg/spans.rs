@@ -4,7 +4,7 @@
 //! last of them a row is taken as full. Sums run in order, so that leaving zeros out at both ends does not change a bit; and
 //! spans are exact at every step, so that what is computed depends on the step alone.
 
-use crate::linalg::kernels::widest;
+use crate::linalg::kernels::{axpy, by_size, combined_fixed, dot, products_fixed, widest};
 
 /// Up to this length rows are taken whole: looking for zeros costs more than they do.
 const SHORT: usize = 8;
@@ -73,6 +73,31 @@ impl Spans {
             *span = (first, end);
         }
         changed
+    }
+
+    /// Hands over the product of every row with a vector, or with itself without one.
+    #[inline]
+    pub(crate) fn products(&self, rows: &[f64], vector: Option<&[f64]>, mut take: impl FnMut(usize, f64)) {
+        by_size!(
+            self.width,
+            products_fixed(rows, vector, take),
+            for (index, row) in rows.chunks_exact(self.width.max(1)).enumerate() {
+                let own = self.cut(index, row);
+                take(index, dot(own, vector.map_or(own, |vector| self.cut(index, vector))));
+            }
+        );
+    }
+
+    /// `out` = the rows, each times its factor, summed.
+    pub(crate) fn combine(&self, rows: &[f64], factors: &[f64], out: &mut [f64]) {
+        by_size!(self.width, combined_fixed(rows, factors, out), self.combine_cut(rows, factors, out));
+    }
+
+    fn combine_cut(&self, rows: &[f64], factors: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        for (index, (row, &factor)) in rows.chunks_exact(self.width.max(1)).zip(factors).enumerate() {
+            axpy(factor, self.cut(index, row), self.cut_mut(index, out));
+        }
     }
 
     /// Whether rows are taken whole.

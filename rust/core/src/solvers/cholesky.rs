@@ -410,7 +410,11 @@ impl Cholesky {
         let Self { pivots, outside, .. } = self;
         let found = small::solve::<N>(asked, pivots, matrix, rhs, x, outside);
         // Code for it in there would cost all others a tenth by its mere presence.
-        if found.wants_refining(N) { self.run(matrix, rhs, asked, x) } else { found }
+        if found.wants_refining(N) {
+            small::solve_refined::<N>(asked, pivots, matrix, rhs, x, outside)
+        } else {
+            found
+        }
     }
 }
 

@@ -89,12 +89,23 @@ impl History {
         if self.kept == 0 {
             return;
         }
-        let (nodes, order) = (self.node_polynomials(), self.order());
+        let nodes = self.node_polynomials();
+        match self.order() {
+            0 => self.extrapolate::<0>(&nodes, out),
+            1 => self.extrapolate::<1>(&nodes, out),
+            2 => self.extrapolate::<2>(&nodes, out),
+            3 => self.extrapolate::<3>(&nodes, out),
+            _ => self.extrapolate::<4>(&nodes, out),
+        }
+    }
+
+    /// The same by an order that is known, as [`renew`](Self::renew).
+    fn extrapolate<const ORDER: usize>(&self, nodes: &[f64; LONGEST + 1], out: &mut [f64]) {
         let value = |differences: &[[f64; LANES]; LONGEST]| {
             let mut value = differences[0];
-            for (difference, factor) in differences[..=order].iter().zip(nodes).skip(1) {
-                for (entry, difference) in value.iter_mut().zip(difference) {
-                    *entry += factor * difference;
+            for order in 1..=ORDER {
+                for (entry, difference) in value.iter_mut().zip(differences[order]) {
+                    *entry += nodes[order] * difference;
                 }
             }
             value

@@ -8,7 +8,7 @@
 //! Matrices*, §8.3).
 
 use crate::error::Error;
-use crate::linalg::kernels::{BLOCKED, axpy, dot, gemm, gemm_tr};
+use crate::linalg::kernels::{BLOCKED, axpy, by_size, dot, gemm, gemm_tr};
 use crate::solvers::history::{History, LONGEST};
 use crate::solvers::solver::State;
 
@@ -92,18 +92,7 @@ impl NullSpace {
         let (n, d) = (self.n, self.d);
         for _ in 0..4 {
             // In: NᵀN. Out: ½ (3 − NᵀN).
-            if n >= BLOCKED && d > 2 {
-                gemm_tr(d, n, &self.basis, &self.basis, &mut self.gram);
-            } else {
-                for col in 0..d {
-                    for row in 0..=col {
-                        let product =
-                            dot(&self.basis[row * n..(row + 1) * n], &self.basis[col * n..(col + 1) * n]);
-                        self.gram[col * d + row] = product;
-                        self.gram[row * d + col] = product;
-                    }
-                }
-            }
+            products(n, d, &self.basis, &mut self.gram);
             let mut off = 0.0_f64;
             for (col, column) in self.gram.chunks_exact_mut(d).enumerate() {
                 for (row, entry) in column.iter_mut().enumerate() {
@@ -148,13 +137,59 @@ impl NullSpace {
 
     /// v ← v − N (Nᵀ v); gives ‖Nᵀ v‖².
     pub(crate) fn project(&self, v: &mut [f64]) -> f64 {
-        let mut squared = 0.0;
-        for column in self.columns() {
-            let part = dot(column, v);
-            squared += part * part;
-            axpy(-part, column, v);
+        by_size!(self.n, project_fixed(&self.basis, v), project_dynamic(self.columns(), v))
+    }
+}
+
+fn project_fixed<const N: usize>(basis: &[f64], v: &mut [f64]) -> f64 {
+    let (columns, _) = basis.as_chunks::<N>();
+    let Some(v) = v.first_chunk_mut::<N>() else { return 0.0 };
+    let mut squared = 0.0;
+    for column in columns {
+        let part = dot(column, v);
+        squared += part * part;
+        axpy(-part, column, v);
+    }
+    squared
+}
+
+fn project_dynamic<'a>(columns: impl Iterator<Item = &'a [f64]>, v: &mut [f64]) -> f64 {
+    let mut squared = 0.0;
+    for column in columns {
+        let part = dot(column, v);
+        squared += part * part;
+        axpy(-part, column, v);
+    }
+    squared
+}
+
+/// `gram` = `NᵀN` of columns of n entries.
+fn products(n: usize, d: usize, basis: &[f64], gram: &mut [f64]) {
+    if n >= BLOCKED && d > 2 {
+        gemm_tr(d, n, basis, basis, gram);
+        return;
+    }
+    by_size!(
+        n,
+        products_fixed(d, basis, gram),
+        for col in 0..d {
+            for row in 0..=col {
+                let product = dot(&basis[row * n..(row + 1) * n], &basis[col * n..(col + 1) * n]);
+                gram[col * d + row] = product;
+                gram[row * d + col] = product;
+            }
         }
-        squared
+    );
+}
+
+fn products_fixed<const N: usize>(d: usize, basis: &[f64], gram: &mut [f64]) {
+    let (columns, _) = basis.as_chunks::<N>();
+    for (col, column) in columns.iter().enumerate() {
+        for (row, other) in columns[..=col].iter().enumerate() {
+            let product = dot(other, column);
+            gram[col * d + row] = product;
+            gram[row * d + col] = product;
+        }
     }
 }
 

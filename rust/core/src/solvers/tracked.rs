@@ -126,6 +126,8 @@ pub struct Tracked {
     explained: f64,
     /// Rank that was held at the last refresh.
     ceiling: usize,
+    /// trace(A), a bound of ‖A‖.
+    trace: f64,
     /// What 1 − H A may leave of a direction in this solve: all of it, or more if that was seen.
     staleness: f64,
     /// Π b.
@@ -175,6 +177,7 @@ impl Tracked {
             past: History::new(params.predict, n),
             explained: params.rank_cut,
             ceiling: n,
+            trace: 0.0,
             staleness: 1.0,
             b: vector(),
             x: vector(),
@@ -265,6 +268,7 @@ impl Tracked {
 
     /// One solve from what is carried; gives ‖Nᵀ b‖, the error of N and ‖r‖.
     fn advance(&mut self, problem: &mut Problem<'_>, count: &mut Count) -> Result<[f64; 3], Lost> {
+        self.trace = problem.trace();
         self.staleness = 1.0;
         self.paired = false;
         let n = self.x.len();
@@ -302,13 +306,13 @@ impl Tracked {
         count.iterations += steps;
         // What the projected residual hides: all that may be left along N is the contradiction in b, and what an error of N
         // that x can bear makes of the rest. If there is more, A has come to see what N takes for null.
-        let rounding = NULL_FLOOR * problem.trace() * norm(&self.x);
+        let rounding = NULL_FLOOR * self.trace * norm(&self.x);
         if self.leak > inconsistency + target + tolerance * b_norm + rounding {
             return Err(Lost);
         }
         self.stay_in_range(problem, predicted, count)?;
         // The trace of A⁺ is at most r / λ⁺, and that of A at most r times its largest eigenvalue.
-        let growth = self.inverse_trace() * problem.trace() * self.params.rank_cut;
+        let growth = self.inverse_trace() * self.trace * self.params.rank_cut;
         if !growth.is_finite() || growth > (n * n) as f64 || self.carried.too_large(norm(&self.x), b_norm) {
             return Err(Lost);
         }

@@ -6,7 +6,7 @@ use super::ConstrainedSystem;
 use super::scale::power_of_two;
 use crate::error::{Error, check_finite, check_len};
 use crate::info::Info;
-use crate::linalg::kernels::{axpy, norm};
+use crate::linalg::kernels::norm;
 use crate::problem::{Needs, Wanted};
 use crate::solvers::solver::MultiplierSolver;
 
@@ -111,12 +111,7 @@ impl ConstrainedSystem {
     pub fn force(&mut self, multipliers: &[f64], qfrc: &mut [f64]) -> Result<(), Error> {
         check_len("multipliers", multipliers.len(), &[self.len()])?;
         check_len("qfrc", qfrc.len(), &[self.nv()])?;
-        let work = self.work.as_mut_slice();
-        work.fill(0.0);
-        let rows = self.jacobian_t.as_slice().chunks_exact(qfrc.len().max(1));
-        for (index, (row, &multiplier)) in rows.zip(multipliers).enumerate() {
-            axpy(multiplier, self.spans.cut(index, row), self.spans.cut_mut(index, work));
-        }
+        self.spans.combine(self.jacobian_t.as_slice(), multipliers, self.work.as_mut_slice());
         qfrc.copy_from_slice(self.work.as_slice());
         check_finite("qfrc", qfrc)
     }

@@ -10,19 +10,24 @@ const LEAST: f64 = f64::MIN_POSITIVE;
 
 /// k with 2ᵏ near 1/value, if the value is small and not zero; otherwise 0.
 pub(super) fn exponent_of_small(value: f64) -> i32 {
-    #[allow(clippy::cast_possible_truncation)] // the exponent of a normal number
-    let exponent = (-value.log2().round()) as i32;
-    if value > LEAST && value < SMALL { exponent } else { 0 }
+    if value > LEAST && value < SMALL { exponent_of(value) } else { 0 }
 }
 
 /// The same for the entries of W, of whose squares `most` is the largest.
 pub(super) fn exponent_of_factor(whitened: &[f64], most: f64) -> i32 {
-    let longest = largest(whitened);
+    let longest = if most < SMALL { largest(whitened) } else { 0.0 };
+    if longest > LEAST.sqrt() { exponent_of(longest) } else { 0 }
+}
+
+/// k with 2ᵏ near 1/value.
+#[cold]
+fn exponent_of(value: f64) -> i32 {
     #[allow(clippy::cast_possible_truncation)] // the exponent of a normal number
-    let exponent = (-longest.log2().round()) as i32;
-    if most < SMALL && longest > LEAST.sqrt() { exponent } else { 0 }
+    let exponent = (-value.log2().round()) as i32;
+    exponent
 }
 
 pub(super) fn power_of_two(exponent: i32) -> f64 {
-    f64::from(exponent).exp2()
+    // Next to always.
+    if exponent == 0 { 1.0 } else { f64::from(exponent).exp2() }
 }

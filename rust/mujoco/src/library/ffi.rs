@@ -30,6 +30,7 @@ pub(super) struct ModelView {
     pub(super) geom_bodyid: *const c_int,
     pub(super) site_bodyid: *const c_int,
     pub(super) eq_type: *const c_int,
+    pub(super) eq_objtype: *const c_int,
     pub(super) eq_obj1id: *const c_int,
     pub(super) eq_obj2id: *const c_int,
     pub(super) tendon_adr: *const c_int,

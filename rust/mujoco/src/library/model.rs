@@ -49,6 +49,8 @@ arrays! { Model,
     site_bodyid: c_int = |m| size(m.view.nsite);
     /// mjtEq, neq: [`EQ_CONNECT`] and its like.
     eq_type: c_int = |m| size(m.view.neq);
+    /// mjtObj of the elements of each equality, neq: [`Element`].
+    eq_objtype: c_int = |m| size(m.view.neq);
     /// First element of each equality, neq.
     eq_obj1id: c_int = |m| size(m.view.neq);
     /// Second one, or −1, neq.

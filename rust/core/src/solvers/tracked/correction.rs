@@ -29,7 +29,7 @@ impl Tracked {
         if d == 0 {
             return Ok(0.0);
         }
-        let trace = problem.trace();
+        let trace = self.trace;
         let mut last = f64::INFINITY;
         for round in 0..ROUNDS {
             problem.apply_columns(self.null.basis(), &mut self.image, &mut self.scratch);
@@ -98,7 +98,7 @@ impl Tracked {
         let curvature = dot(&self.s, &self.y) / (inconsistency * inconsistency);
         self.null.project(&mut self.y);
         let error = self.inverse_trace() * norm(&self.y) / inconsistency;
-        error <= tolerance && curvature <= (self.explained + error * error) * problem.trace()
+        error <= tolerance && curvature <= (self.explained + error * error) * self.trace
     }
 
     /// The pairs (C, A C) of the last correction: y = A N − A N', and w = C − H y = H A N', which is the new C.

@@ -47,7 +47,7 @@ impl Tracked {
         (x, scale): (&mut [f64], f64),
         count: &mut Count,
     ) -> Result<(f64, usize), Lost> {
-        let flat = self.params.rank_cut * problem.trace();
+        let flat = self.params.rank_cut * self.trace;
         let mut steps = 0;
         loop {
             let r_norm = norm(&self.r);
