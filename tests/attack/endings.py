@@ -24,6 +24,7 @@ from typing import Any
 
 import polars as pl
 from mechanisms import COMMAND, four_bar, write_model
+from oarlock.tables import checksums
 from oarlock.tables.figures import TIMING_FIGURES
 from oarlock.tables.folder import OCCASION
 from suites import TINY
@@ -253,7 +254,7 @@ def _without(document: Any) -> Any:
         return [_without(one) for one in document]
     if not isinstance(document, dict):
         return document
-    leave = {*TIMING_FIGURES, *OCCASION, "files", "sha256", "seconds"}
+    leave = {*TIMING_FIGURES, *OCCASION, checksums.KEY, "files", "sha256", "seconds"}
     return {key: _without(value) for key, value in document.items() if key not in leave}
 
 
