@@ -42,8 +42,8 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
             raise InputError(f"{path}: {_attribute_with_nan(path)} is not a number, expected finite numbers only")
         if "Inertia matrix" in text and not _has_inertia(model):
             raise InputError(
-                f"{path}: the mass matrix is not positive definite in the model's own pose, expected masses, inertias and "
-                "armatures > 0"
+                f"{path}: the mass matrix is not positive definite in the model's own pose, expected masses, "
+                "inertias and armatures > 0"
             )
         warnings.warn(f"{path}: MuJoCo warns: {one_line(text)}", stacklevel=2)
     if model.neq == 0:
