@@ -1,6 +1,6 @@
 """Runs the attacks, one after another; status 1 if anything fell.
 
-    cd tests && ../.venv/bin/python -m attack --only models,cases --seconds 300 --seed 0
+cd tests && ../.venv/bin/python -m attack --only models,cases --seconds 300 --seed 0
 """
 
 import argparse
@@ -40,7 +40,9 @@ def main(arguments: list[str]) -> int:
         if name not in MUTATORS:
             parser.error(f"--only {name}, expected some of {', '.join(names)}")
         if not fence.available():
-            print(f"{name}: not tried; this system has no Landlock, which keeps what is attacked from writing elsewhere")
+            print(
+                f"{name}: not tried; this system has no Landlock, which keeps what is attacked from writing elsewhere"
+            )
             continue
         what, attempts = MUTATORS[name]
         with tempfile.TemporaryDirectory(prefix="attack-") as folder:

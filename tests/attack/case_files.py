@@ -1,6 +1,6 @@
 """Mutated case files: keys left out, doubled and retyped, hostile values, laws and tables, bytes changed.
 
-    cd tests && ../.venv/bin/python -m attack --only cases
+cd tests && ../.venv/bin/python -m attack --only cases
 """
 
 import os
@@ -19,8 +19,7 @@ from attack.models import garbled
 from attack.trials import Attempt
 
 MOTOR = four_bar(
-    rest='<actuator><motor name="m" joint="crank"/></actuator>'
-    '<keyframe><key name="home" qpos="0 0 0"/></keyframe>'
+    rest='<actuator><motor name="m" joint="crank"/></actuator><keyframe><key name="home" qpos="0 0 0"/></keyframe>'
 )
 
 RICH = """title = "rich"
@@ -88,21 +87,84 @@ cause = "y"
 """
 
 LAWS = [
-    *("", " ", "t", "x", "1/0", "0/0", "1/t", "t^t^t^t", "1e999", "-1e308*1e308", "sqrt(-1)", "ln(0)", "sin(", ")", "()"),
-    *("1+", "+1", "--1", "1 2", "2t", "t(1)", "sin", "sin cos t", "e", "PI", "π*t", "t;t", "__import__('os')", "1e5000"),
+    *(
+        "",
+        " ",
+        "t",
+        "x",
+        "1/0",
+        "0/0",
+        "1/t",
+        "t^t^t^t",
+        "1e999",
+        "-1e308*1e308",
+        "sqrt(-1)",
+        "ln(0)",
+        "sin(",
+        ")",
+        "()",
+    ),
+    *(
+        "1+",
+        "+1",
+        "--1",
+        "1 2",
+        "2t",
+        "t(1)",
+        "sin",
+        "sin cos t",
+        "e",
+        "PI",
+        "π*t",
+        "t;t",
+        "__import__('os')",
+        "1e5000",
+    ),
     *("(" * 5000 + "t" + ")" * 5000, "-" * 5000 + "t", "+".join(["t"] * 20_000), "sin(" * 2000 + "t" + ")" * 2000),
     *("9" * 5000, "t" * 10_000, "x" * 10**6, "\\u0000", "\\u001b[2J", "{N}", "{", "t\\nt", "a", "b", "abs(t)^1e9"),
 ]
 VALUES = [
     *("-1", "0", "1", "2", "1e308", "-1e308", "1e-308", "nan", "inf", "-inf", "true", '""', '" "', '"x"', "[]", "[[]]"),
-    *("{}", "{ a = 1 }", "[1, 2]", '["a"]', "1979-05-27", "07:32:00", "9" * 19, "9" * 5000, "2147483648", "0x10", "1_0"),
+    *(
+        "{}",
+        "{ a = 1 }",
+        "[1, 2]",
+        '["a"]',
+        "1979-05-27",
+        "07:32:00",
+        "9" * 19,
+        "9" * 5000,
+        "2147483648",
+        "0x10",
+        "1_0",
+    ),
     *("[" * 2000 + "]" * 2000, "{a=" * 500 + "1" + "}" * 500, "[" + "1," * 10_000 + "]", '["a", 1, nan]', "[[1], [2]]"),
     *('"/nowhere/x"', '"/dev/zero"', '"pipe"', '"../../x"', '"a\\u0000b"', '"\\u001b[2J"', '"[red]x[/red]"', '"a\\nb"'),
     *('"<script>alert(1)</script>"', '"| x | y |"', '"![](http://127.0.0.1/x)"', '"\\u202e"', '"{N}"', '"{"', '"%s"'),
     f'"{"x" * 10**5}"',
     *(f'"{law}"' for law in LAWS),
-    *('"rk4"', '"euler"', '"free"', '"lockstep"', '"pinv"', '"mujoco"', '"sr1:eps_abs=0"', '"sr1:eps_abs=nan"', '"hard"'),
-    *('"pinv:x=1"', '":"', '"sr1:"', '"sr1:eps_abs=1e-3,eps_abs=1"', '"done"', '"diverged"', '"crank"', '"m"', '"stiff"'),
+    *(
+        '"rk4"',
+        '"euler"',
+        '"free"',
+        '"lockstep"',
+        '"pinv"',
+        '"mujoco"',
+        '"sr1:eps_abs=0"',
+        '"sr1:eps_abs=nan"',
+        '"hard"',
+    ),
+    *(
+        '"pinv:x=1"',
+        '":"',
+        '"sr1:"',
+        '"sr1:eps_abs=1e-3,eps_abs=1"',
+        '"done"',
+        '"diverged"',
+        '"crank"',
+        '"m"',
+        '"stiff"',
+    ),
 ]
 ADDED = [
     "unknown = 1",
@@ -114,7 +176,7 @@ ADDED = [
     "[parameters]\nN = 1\n[[variants]]\nparameters = { N = 2 }\n[[variants]]\nparameters = { N = 3.5 }",
     "[parameters]\nE = 1",
     "[parameters]\n'../x' = 1",
-    "[parameters]\n\"a\\u001b[2J\" = 1",
+    '[parameters]\n"a\\u001b[2J" = 1',
     "[drive.constants]\nE = 2.7",
     "[drive.constants]\n" + "".join(f"c{i} = '2*c{i - 1}'\n" for i in range(1, 3000)),
     "[drive.constants]\na0 = 1\n" + "".join(f"a{i} = '(a{i - 1}+a{i - 1})'\n" for i in range(1, 1000)),
@@ -167,7 +229,7 @@ def attempts(seed: int, _: Path, count: int = 300) -> Iterator[Attempt]:
     """Commands on mutated cases: every hostile addition and law once, then what chance makes."""
     known = bases()
     singles = [f"title = 'x'\n{one}" for one in ADDED]
-    singles += [f"{TINY}[drive]\nctrl.m = \"{law}\"\n" for law in LAWS]
+    singles += [f'{TINY}[drive]\nctrl.m = "{law}"\n' for law in LAWS]
     for number in range(count):
         chance = random.Random(f"cases-{seed}-{number}")
         if number < len(singles):

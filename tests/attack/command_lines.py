@@ -1,6 +1,6 @@
 """Mutated arguments of every command: values, options and places of others, hostile ones, left out, doubled, exchanged.
 
-    cd tests && ../.venv/bin/python -m attack --only arguments
+cd tests && ../.venv/bin/python -m attack --only arguments
 """
 
 import os
@@ -45,20 +45,155 @@ BASES: list[tuple[str, ...]] = [
 ]
 
 VALUES = [
-    *("", " ", "-", "--", "-1", "0", "1", "2", "nan", "inf", "-inf", "1e308", "1e-308", "1e400", "9" * 19, "9" * 5000, "0x1"),
-    *("1e-9", "1_0", "½", "٣", "x", "X" * 300, "x" * 10**5, "a b", "[red]x[/red]", "\x1b[2J", "a\nb", "\udcff", "\u202e", "*"),
-    *("..", "/dev/null/x", "/dev/full", "pipe", "folder", "model.xml", "tiny", "results", "gone", "gone.xml", "[1]", "?"),
-    *("tiny:N=1", "ring:N=0", "ring:N=1e9", "ring:N=-1", "ring:M=1", "ring:N=", "ring:", ":", "ring:N=3,N=4", "four_bar:x=1"),
-    *("pinv", "mujoco", "sr1:eps_abs=0", "sr1:eps_abs=nan", "pinv:x=1", "sr1:", "rk4", "euler", "free", "hard", "random"),
+    *(
+        "",
+        " ",
+        "-",
+        "--",
+        "-1",
+        "0",
+        "1",
+        "2",
+        "nan",
+        "inf",
+        "-inf",
+        "1e308",
+        "1e-308",
+        "1e400",
+        "9" * 19,
+        "9" * 5000,
+        "0x1",
+    ),
+    *(
+        "1e-9",
+        "1_0",
+        "½",
+        "٣",
+        "x",
+        "X" * 300,
+        "x" * 10**5,
+        "a b",
+        "[red]x[/red]",
+        "\x1b[2J",
+        "a\nb",
+        "\udcff",
+        "\u202e",
+        "*",
+    ),
+    *(
+        "..",
+        "/dev/null/x",
+        "/dev/full",
+        "pipe",
+        "folder",
+        "model.xml",
+        "tiny",
+        "results",
+        "gone",
+        "gone.xml",
+        "[1]",
+        "?",
+    ),
+    *(
+        "tiny:N=1",
+        "ring:N=0",
+        "ring:N=1e9",
+        "ring:N=-1",
+        "ring:M=1",
+        "ring:N=",
+        "ring:",
+        ":",
+        "ring:N=3,N=4",
+        "four_bar:x=1",
+    ),
+    *(
+        "pinv",
+        "mujoco",
+        "sr1:eps_abs=0",
+        "sr1:eps_abs=nan",
+        "pinv:x=1",
+        "sr1:",
+        "rk4",
+        "euler",
+        "free",
+        "hard",
+        "random",
+    ),
     *("seed=1:2:2", "seed=1:2:10000000", "seed=2:1:2", "timestep=0:1:2", "timestep=1e-300:1e300:3", "solref=nan:1:2"),
-    *("x=1:2:3", "seed=1:2", "seed", "=::", "m=1", "m=nan", "m=", "=1", "m=1=2", "keyframe", "home", "tcp://127.0.0.1:1"),
-    *("local", "tls://x", "tcp://[::1", "L101", "L9999", "loop-open", "/proc/version/x", "out/../out", "./tiny", "tiny/"),
+    *(
+        "x=1:2:3",
+        "seed=1:2",
+        "seed",
+        "=::",
+        "m=1",
+        "m=nan",
+        "m=",
+        "=1",
+        "m=1=2",
+        "keyframe",
+        "home",
+        "tcp://127.0.0.1:1",
+    ),
+    *(
+        "local",
+        "tls://x",
+        "tcp://[::1",
+        "L101",
+        "L9999",
+        "loop-open",
+        "/proc/version/x",
+        "out/../out",
+        "./tiny",
+        "tiny/",
+    ),
 ]
 FLAGS = [
-    *("--json", "--out", "--report", "--jobs", "--scheduler", "--solver", "--form", "--mode", "--walker", "--integrator"),
-    *("--stabilisation", "--timestep", "--duration", "--rtol", "--stepping", "--replace", "--no-code", "--fresh", "--help"),
-    *("--unit-timeout", "--sweep", "--keyframe", "--controls", "--control", "--seed", "--target", "--fail-above", "--x", "-h"),
-    *("--write-keyframe", "--write-tuned", "--to", "--outside", "--timings", "--limit", "--junit", "--size", "--rounds"),
+    *(
+        "--json",
+        "--out",
+        "--report",
+        "--jobs",
+        "--scheduler",
+        "--solver",
+        "--form",
+        "--mode",
+        "--walker",
+        "--integrator",
+    ),
+    *(
+        "--stabilisation",
+        "--timestep",
+        "--duration",
+        "--rtol",
+        "--stepping",
+        "--replace",
+        "--no-code",
+        "--fresh",
+        "--help",
+    ),
+    *(
+        "--unit-timeout",
+        "--sweep",
+        "--keyframe",
+        "--controls",
+        "--control",
+        "--seed",
+        "--target",
+        "--fail-above",
+        "--x",
+        "-h",
+    ),
+    *(
+        "--write-keyframe",
+        "--write-tuned",
+        "--to",
+        "--outside",
+        "--timings",
+        "--limit",
+        "--junit",
+        "--size",
+        "--rounds",
+    ),
 ]
 
 LARGE = {"bench": ("--growth", "--growth-report", "--size", "--model"), "suite": ("tiny", "model.xml")}
@@ -101,7 +236,9 @@ def _prepared(folder: Path) -> Callable[[Path], None]:
 
 def _write(kept: Path, folder: Path) -> None:
     for path in kept.iterdir():
-        os.system(f"cp -r '{path}' '{folder}'") if path.is_dir() else (folder / path.name).write_bytes(path.read_bytes())
+        os.system(f"cp -r '{path}' '{folder}'") if path.is_dir() else (folder / path.name).write_bytes(
+            path.read_bytes()
+        )
     os.mkfifo(folder / "pipe")
     (folder / "folder").mkdir()
     (folder / "out").mkdir()

@@ -1,4 +1,4 @@
-"""What can befall kept files: bytes and values changed, files cut, gone, exchanged, or something else in their place."""
+"""What can befall kept files: bytes and values changed, files cut, gone, exchanged, something else in their place."""
 
 import json
 import os
@@ -9,7 +9,24 @@ from typing import Any
 
 from attack.models import garbled
 
-ODD: list[Any] = [None, True, False, 0, -1, 2**70, 1e308, "", "x", "\u001b[2J", "../../x", "[b]", [], [[]], {}, {"a": 1}]
+ODD: list[Any] = [
+    None,
+    True,
+    False,
+    0,
+    -1,
+    2**70,
+    1e308,
+    "",
+    "x",
+    "\u001b[2J",
+    "../../x",
+    "[b]",
+    [],
+    [[]],
+    {},
+    {"a": 1},
+]
 """Values of JSON in the place of others."""
 
 
@@ -114,7 +131,9 @@ def exchanged(path: Path, chance: random.Random) -> None:
 
 
 def deep(path: Path, chance: random.Random) -> None:
-    path.write_text(chance.choice(["[" * 100_000, '{"a":' * 100_000, "9" * 100_000, '{"runs": [' + "{}," * 1000 + "{}]}", "[]"]))
+    path.write_text(
+        chance.choice(["[" * 100_000, '{"a":' * 100_000, "9" * 100_000, '{"runs": [' + "{}," * 1000 + "{}]}", "[]"])
+    )
 
 
 KINDS: dict[Callable[[Path, random.Random], None], int] = {
@@ -134,7 +153,9 @@ KINDS: dict[Callable[[Path, random.Random], None], int] = {
 """How a file is damaged → how often."""
 
 CONTENTS: dict[Callable[[Path, random.Random], None], int] = {
-    kind: often for kind, often in KINDS.items() if kind in (retyped, bytes_changed, digit_changed, emptied, zeroed, exchanged)
+    kind: often
+    for kind, often in KINDS.items()
+    if kind in (retyped, bytes_changed, digit_changed, emptied, zeroed, exchanged)
 }
 """Those that leave a regular file with other contents."""
 

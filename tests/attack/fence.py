@@ -1,7 +1,7 @@
-"""A fence around what is attacked: the kernel lets the process write below one folder only, whatever it is tricked into.
+"""A fence around what is attacked: the kernel lets it write below one folder only, whatever it is tricked into.
 
-An attack looks for ways to write where nothing should be written. When it finds one, the machine of whoever attacks must
-not pay for it: a damaged folder with a link in it, followed by root, once replaced a file of the system.
+An attack looks for ways to write where nothing should be written. When it finds one, the machine of whoever attacks
+must not pay for it: a damaged folder with a link in it, followed by root, once replaced a file of the system.
 """
 
 import ctypes

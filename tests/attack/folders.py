@@ -10,7 +10,7 @@ import os
 import pickle
 import random
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -85,7 +85,10 @@ def kept_files(seed: int, folder: Path, count: int = 400) -> Iterator[Attempt]:
         seeds = f"kept-{seed}-{number}"
         chance = random.Random(seeds)
         # Results first: pages are made of them.
-        chosen = [chance.choice([n for n in names if "/report/" not in n or chance.random() < 0.2]) for _ in range(chance.choice([1, 1, 1, 3]))]
+        chosen = [
+            chance.choice([n for n in names if "/report/" not in n or chance.random() < 0.2])
+            for _ in range(chance.choice([1, 1, 1, 3]))
+        ]
         prepare = partial(_garble, kept, chosen, seeds)
         after = partial(_believed, expected)
         yield Attempt(f"kept {seed}-{number} ({', '.join(chosen)})", SUITE, prepare, after=after)
@@ -132,4 +135,3 @@ def _suite(kept: Path) -> dict[str, Any]:
 def _made(arguments: tuple[str, ...], kept: Path) -> None:
     if status := command(arguments, kept):
         raise RuntimeError(f"{arguments} ends with {status}: {Path(f'{kept}.err').read_text()}")
-

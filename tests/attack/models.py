@@ -1,6 +1,6 @@
 """Mutated models: MJCF files with bytes, attributes and elements changed, and hostile elements put in.
 
-    cd tests && ../.venv/bin/python -m attack --only models
+cd tests && ../.venv/bin/python -m attack --only models
 """
 
 import os
@@ -42,14 +42,27 @@ NUMBERS = [
 NAMES = [
     *("", " ", "a b", "[red]x[/red]", "[/]", "**x**", "a|b", "`x`", "&#10;", "&#27;[31m", "&#27;[2J", "&#7;", "&#13;x"),
     *("&lt;script&gt;alert(1)&lt;/script&gt;", '&quot;]&#10;evil = "1', "../../x", "/nowhere/x", "/dev/zero", "pipe"),
-    *("\u202egnp.exe", "\u200b", "ä", "😀", "x" * 1000, "x" * 1001, "x" * 10**6, "&#x0;", "&amp;#27;", "{{7*7}}", "${x}"),
+    *(
+        "\u202egnp.exe",
+        "\u200b",
+        "ä",
+        "😀",
+        "x" * 1000,
+        "x" * 1001,
+        "x" * 10**6,
+        "&#x0;",
+        "&amp;#27;",
+        "{{7*7}}",
+        "${x}",
+    ),
     *("%s%n", "#0", "world", "crank", "true", "false", "auto", "RK4", "euler", "ball", "free", "plane", "mesh", "cg"),
 ]
 
 
 def _pendulums(count: int) -> str:
     return "".join(
-        f'<body name="p{i}" pos="{i} 0 0"><joint axis="0 1 0"/><geom fromto="0 0 0 0 0 0.5"/></body>' for i in range(count)
+        f'<body name="p{i}" pos="{i} 0 0"><joint axis="0 1 0"/><geom fromto="0 0 0 0 0 0.5"/></body>'
+        for i in range(count)
     )
 
 
@@ -77,7 +90,7 @@ SNIPPETS = [
     '<asset><mesh name="x" file="model.xml"/></asset>',
     f'<asset><mesh name="x" vertex="{"nan " * 12}"/></asset>',
     f'<asset><mesh name="x" vertex="{"0 " * 12}"/></asset>',
-    '<asset><model name="x" file="model.xml"/></asset><worldbody><attach model="x" body="crank" prefix="y"/></worldbody>',
+    '<asset><model name="x" file="model.xml"/></asset><worldbody><attach model="x" body="crank"/></worldbody>',
     '<worldbody><replicate count="1000000000"><geom size="1"/></replicate></worldbody>',
     '<worldbody><replicate count="70"><replicate count="70"><replicate count="70"><geom size="1"/></replicate>'
     "</replicate></replicate></worldbody>",
@@ -86,7 +99,7 @@ SNIPPETS = [
     '<worldbody><replicate count="300"><body><freejoint/><geom size="0.1"/></body></replicate></worldbody>',
     '<worldbody><replicate count="1.9e1"><replicate count="0x100"><geom size="1"/></replicate></replicate></worldbody>',
     '<worldbody><flexcomp name="x" type="grid" count="999 999 999" spacing="1 1 1"/></worldbody>',
-    '<worldbody><flexcomp name="x" type="grid" count="9 9 9" spacing="1 1 1" radius="0.1" dim="3" mass="1"/></worldbody>',
+    '<worldbody><flexcomp name="x" type="grid" count="9 9 9" spacing="1 1 1" dim="3" mass="1"/></worldbody>',
     '<worldbody><composite type="cable" count="10000 1 1" curve="s" size="1"><geom type="capsule" size="0.005"/>'
     "</composite></worldbody>",
     '<worldbody><composite type="cable" count="50 1 1" curve="s" size="1"><joint kind="main"/><geom type="capsule" '
@@ -102,8 +115,14 @@ SNIPPETS = [
     '<option><flag energy="enable" equality="disable" sleep="enable" multiccd="enable" nativeccd="disable"/></option>',
     '<option impratio="1e308" cone="elliptic" jacobian="sparse" solver="PGS"/>',
     '<option o_solref="0 0" o_solimp="1 1 1 1 1"><flag override="enable"/></option>',
-    *(f'<default><equality solref="{value}"/></default>' for value in ("0 0", "-1 -1", "1e308 1", "nan 1", "-1e308 -1")),
-    *(f'<default><equality solimp="{value}"/></default>' for value in ("1 1 0 0 0", "0 0 0 0.5 2", "nan 1 1 1 1", "2 2")),
+    *(
+        f'<default><equality solref="{value}"/></default>'
+        for value in ("0 0", "-1 -1", "1e308 1", "nan 1", "-1e308 -1")
+    ),
+    *(
+        f'<default><equality solimp="{value}"/></default>'
+        for value in ("1 1 0 0 0", "0 0 0 0.5 2", "nan 1 1 1 1", "2 2")
+    ),
     '<equality><joint joint1="crank" joint2="rocker" polycoef="1e308 1e308 1e308 1e308 1e308"/></equality>',
     '<equality><joint joint1="crank" polycoef="1e30 0 0 0 0"/></equality>',
     '<equality><connect name="a" body1="crank" anchor="1e308 0 0"/></equality>',
@@ -116,8 +135,8 @@ SNIPPETS = [
     '<worldbody><body><joint range="1 -1" limited="true"/><geom size="1"/></body></worldbody>',
     '<worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" fullinertia="1 1 1 5 5 5"/></body></worldbody>',
     '<worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 100"/></body></worldbody>',
-    '<worldbody><body><freejoint/><inertial pos="0 0 0" mass="1e-14" diaginertia="1e-14 1e-14 1e-14"/></body></worldbody>',
-    '<worldbody><body><freejoint/><inertial pos="0 0 0" mass="1e300" diaginertia="1e300 1e300 1e300"/></body></worldbody>',
+    '<worldbody><body><freejoint/><inertial pos="0 0 0" mass="1e-9" diaginertia="1e-14 1e-14 1e-14"/></body></worldbody>',
+    '<worldbody><body><freejoint/><inertial pos="0 0 0" mass="1e9" diaginertia="1e300 1e300 1e300"/></body></worldbody>',
     '<worldbody><body><joint type="slide" armature="-2"/><geom size="0.1"/></body></worldbody>',
     f"<worldbody>{'<body>' * 5000}{'</body>' * 5000}</worldbody>",
     "<worldbody>" + '<body><joint/><geom size="0.1"/>' * 90 + "</body>" * 90 + "</worldbody>",
@@ -128,7 +147,10 @@ SNIPPETS = [
     *(f'<keyframe><key qpos="{value}"/></keyframe>' for value in ("nan 0 0", "1 2", "1e308 0 0", "inf inf inf", "")),
     '<keyframe><key time="1e308" qvel="1e200 1e200 1e200"/></keyframe>',
     '<keyframe><key name="[b]" time="nan"/></keyframe>',
-    *(f'<actuator><motor joint="crank" {value}/></actuator>' for value in ('gear="1e308"', 'ctrlrange="2 1"', 'gear="0"')),
+    *(
+        f'<actuator><motor joint="crank" {value}/></actuator>'
+        for value in ('gear="1e308"', 'ctrlrange="2 1"', 'gear="0"')
+    ),
     '<actuator><general joint="crank" dyntype="muscle" gaintype="muscle" biastype="muscle"/></actuator>',
     '<actuator><general joint="crank" dyntype="integrator" actdim="100000"/></actuator>',
     '<actuator><plugin plugin="mujoco.pid" joint="crank"/></actuator>',

@@ -24,9 +24,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-    os.environ[_name] = "1"  # threads do not come along when a process is forked
-
 from oarlock.batch import session, suite
 from oarlock.cli import app
 from places import REPOSITORY
@@ -41,7 +38,14 @@ AT_ONCE = 2
 LONGEST_LINE = 2600
 """Characters of a line: a text is cut at 2000 (``base.text``), and named in a sentence."""
 
-MARKS = ("Traceback (most recent call", "panicked at", "Fatal Python error", "RuntimeWarning", "Segmentation", "Aborted")
+MARKS = (
+    "Traceback (most recent call",
+    "panicked at",
+    "Fatal Python error",
+    "RuntimeWarning",
+    "Segmentation",
+    "Aborted",
+)
 """Of an error that nobody turned into a line."""
 LOADED = ("compare.compare", "compare.junit", "report.case_report", "report.summary", "scaffold.scaffold")
 """Loaded at first by the commands that need them."""
@@ -200,7 +204,7 @@ def command(arguments: Iterable[str], folder: Path) -> int:
     for number, name in ((0, os.devnull), (1, f"{folder}.out"), (2, f"{folder}.err")):
         file = os.open(name, os.O_RDONLY if number == 0 else os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         os.dup2(file, number)
-    sys.stdout, sys.stderr = (open(number, "w", encoding="utf-8", closefd=False) for number in (1, 2))
+    sys.stdout, sys.stderr = (os.fdopen(number, "w", encoding="utf-8", closefd=False) for number in (1, 2))
     os.environ["TMPDIR"] = f"{folder}.tmp"
     tempfile.tempdir = None
     os.chdir(folder)
