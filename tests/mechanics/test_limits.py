@@ -38,6 +38,11 @@ MODELS = {
         f'<sensor><user dim="2000000000" objtype="body" objname="crank"/></sensor>{PLACE}',
         "<user> has dim = 2000000000",
     ),
+    "connects": (
+        "</equality>",
+        '<connect site1="tip1" site2="tip2"/>' * 1000 + "</equality>",
+        "1001 equalities, expected",
+    ),
     "iterations": ("<option ", '<option iterations="2000000000" tolerance="0" ', "has iterations = 2000000000"),
     "name": ('"pin"', f'"{"x" * 10**6}"', "a name of 1000000 characters"),
     "include": (PLACE, f'<include file="pipe"/>{PLACE}', "include> names 'pipe', which is no regular file"),

@@ -40,6 +40,9 @@ RESERVED = 10_000
 NAME_LENGTH = 1000
 """Characters of a name."""
 
+EQUALITIES = 500
+"""Of an MJCF file. The time of ``check`` and of ``new`` grows with their square: 40 s."""
+
 NUMBERS = 2**24
 """Of a sensor or an actuator, and of all of a model: 128 MiB."""
 
@@ -180,6 +183,10 @@ def require_moderate_model(path: Path, model: mujoco.MjModel) -> None:
     for name in ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations"):
         if (value := getattr(model.opt, name, 0)) > ITERATIONS:
             raise InputError(f"{path}: option {name} = {value}, expected {ITERATIONS} at most")
+    if model.neq > EQUALITIES and path.suffix != ".py":
+        raise InputError(
+            f"{path}: {model.neq} equalities, expected {EQUALITIES} at most, or a model.py that builds them"
+        )
     for name in ("nsensordata", "nuserdata", "na", "nhistory"):
         if (value := getattr(model, name, 0)) > NUMBERS:
             raise InputError(f"{path}: {name} = {value}, expected {NUMBERS} at most")
