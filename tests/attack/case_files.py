@@ -210,6 +210,7 @@ ADDED = [
 ]
 
 _LINE = re.compile(r"^(\s*[\w.\"'-]+\s*=\s*)(.+)$", re.MULTILINE)
+_NUMBER = re.compile(r"(?<![\w\"'])-?\d[\d.e+-]*")
 _VALUE = re.compile(r"\"[^\"\n]*\"|-?\d[\d.e+-]*|true|false")
 
 
@@ -221,6 +222,7 @@ def bases() -> dict[str, tuple[str, Path | None]]:
         if (path.parent / "model.xml").exists():
             # A hundredth of a second shows what the file does, and the motions of weeks are not the question.
             text = re.sub(r"^duration_s = .*$", "duration_s = 0.01", path.read_text(), flags=re.MULTILINE)
+            text = re.sub(r"^time_s = .*$", "time_s = 0.005", text, flags=re.MULTILINE)
             found[path.parent.name] = text, path.parent
     return found
 
@@ -276,7 +278,7 @@ def mutated(text: str, chance: random.Random) -> bytes:
         if not lines:
             break
         one = chance.choice(lines)
-        match chance.randrange(8):
+        match chance.randrange(9):
             case 0:  # left out
                 text = text[: one.start()] + text[one.end() :]
             case 1:  # doubled
@@ -288,6 +290,12 @@ def mutated(text: str, chance: random.Random) -> bytes:
                 text = f"{text}\n{chance.choice(ADDED)}\n"
             case 4 | 5:  # the whole value
                 text = text[: one.start(2)] + chance.choice(VALUES) + text[one.end(2) :]
+            case 6:  # one of the numbers in it, which may well be run
+                inner = list(_NUMBER.finditer(text, one.start(2), one.end(2)))
+                if inner:
+                    which = chance.choice(inner)
+                    number = f"{chance.uniform(-2, 2) * 10 ** chance.choice([-6, -3, 0, 0, 0, 2]):.4g}"
+                    text = text[: which.start()] + number + text[which.end() :]
             case _:  # one of the values in it
                 inner = list(_VALUE.finditer(text, one.start(2), one.end(2)))
                 if inner:

@@ -261,7 +261,9 @@ def _revalued(content: bytes, chance: random.Random) -> bytes:
     one = chance.choice(found)
     words = one[2].split() or [""]
     value = chance.choice(NUMBERS + NAMES)
-    if chance.random() < 0.5:
+    if chance.random() < 0.4:  # what may well be run
+        value = f"{chance.uniform(-2, 2) * 10 ** chance.choice([-6, -3, 0, 0, 0, 2]):.4g}"
+    if chance.random() < 0.6:
         words[chance.randrange(len(words))] = value
         value = " ".join(words)
     return _replaced(content, one.start(2), one.end(2), value)
