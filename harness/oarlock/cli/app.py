@@ -52,7 +52,7 @@ class _Commands(Mapping[str, Any]):
         return len(COMMANDS)
 
 
-_UsageError = typer.BadParameter.__mro__[1]
+_UsageError: Any = typer.BadParameter.__mro__[1]
 """What typer raises of arguments that it does not understand; it has no name for it of its own."""
 
 _LONGEST_USAGE = 500
