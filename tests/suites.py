@@ -10,6 +10,7 @@ from pathlib import Path
 from mechanisms import COMMAND, four_bar, write_model
 from oarlock.base.processes import myself
 from oarlock.base.progress import Progress
+from oarlock.base.pulse import beat
 from oarlock.batch.suite import carry_out, plan_suite
 from oarlock.batch.unit import run_unit
 from oarlock.tables.folder import ResultFolder
@@ -36,6 +37,9 @@ cause = "ten steps"
 """
 UNITS = 4
 """Of ``TINY``: the calibration, the lockstep with its four runs, two free runs."""
+
+SILENCE_S = 3.0
+"""Time that items may be silent in tests, s: longer than a beat and what a busy machine adds."""
 
 STRICT = TINY.replace("max = 1e-3", "max = 1e-30")
 
@@ -161,6 +165,28 @@ def stopped_twice(item):
     if Path(item).name == "a":
         os.kill(os.getpid(), signal.SIGSTOP)
     return f"{item} done"
+
+
+def slow_with_a_pulse(item):
+    """Takes twice as long as an item may be silent, and is never silent for so long."""
+    path = Path(item)
+    with path.open("a") as file:
+        file.write("begun\n")
+    ends = time.monotonic() + 2 * SILENCE_S
+    while time.monotonic() < ends:
+        time.sleep(0.1)
+        beat()
+    return path.read_text().count("begun")
+
+
+def late_once(item):
+    """Is silent for twice as long as it may be, where it was not here before; then it ends."""
+    path = Path(item)
+    if not path.exists():
+        path.touch()
+        time.sleep(2 * SILENCE_S)
+        return "late"
+    return "in time"
 
 
 def alive(process):

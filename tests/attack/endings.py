@@ -24,6 +24,7 @@ from typing import Any
 
 import polars as pl
 from mechanisms import COMMAND, four_bar, write_model
+from oarlock.tables import checksums
 from oarlock.tables.figures import TIMING_FIGURES
 from oarlock.tables.folder import OCCASION
 from suites import TINY
@@ -99,9 +100,9 @@ class Place:
         """The arguments of a suite of a kind."""
         return ["suite", *map(str, self.models), "--out", "out", "--jobs", "2", *KINDS[kind]]
 
-    def begin(self, *arguments: str) -> "subprocess.Popen[str]":
-        """Begins a command."""
-        with (self.root / "stderr").open("w") as said:
+    def begin(self, *arguments: str, says: str = "stderr") -> "subprocess.Popen[str]":
+        """Begins a command, which says what it says to a file of that name."""
+        with (self.root / says).open("w") as said:
             return subprocess.Popen(
                 [COMMAND, *arguments],
                 cwd=self.root,
@@ -206,7 +207,7 @@ def pairs(place: Place, count: int, seed: int, until: float) -> Iterator[str]:
         chance = random.Random(f"pair-{seed}-{number}")
         one, other = commands[number % len(commands)]
         place.clear()
-        first = place.begin(*one)
+        first = place.begin(*one, says="stderr of the first")
         time.sleep(chance.choice([0.0, chance.uniform(0.0, 2.0)]))
         second = place.run(*other)
         statuses = (first.wait(LIMIT_S), second.returncode)
@@ -253,7 +254,7 @@ def _without(document: Any) -> Any:
         return [_without(one) for one in document]
     if not isinstance(document, dict):
         return document
-    leave = {*TIMING_FIGURES, *OCCASION, "files", "sha256", "seconds"}
+    leave = {*TIMING_FIGURES, *OCCASION, checksums.KEY, "files", "sha256", "seconds"}
     return {key: _without(value) for key, value in document.items() if key not in leave}
 
 

@@ -1,4 +1,5 @@
-"""The one way to write files: regular files are replaced whole, links followed, anything else is written to."""
+"""The one way to write files: regular files are replaced whole; of what the user names, links are followed and
+anything else is written to; what stands in the place of a file of ours goes."""
 
 import errno
 import os
@@ -54,7 +55,7 @@ def test_a_link_is_followed(tmp_path, there):
     (tmp_path / "link").symlink_to("mid")
     if there:
         (tmp_path / "far" / "file").write_text("old")
-    write_text(tmp_path / "link", "new")
+    write_text(tmp_path / "link", "new", named=True)
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "mid").is_symlink()
     assert (tmp_path / "far" / "file").read_text() == "new"
@@ -68,7 +69,7 @@ def test_a_device_stays_one(tmp_path):
     else:
         device = Path(os.devnull)
     with suppress(InputError):  # a file system may forbid devices
-        write_text(device, "text")
+        write_text(device, "text", named=True)
     assert stat.S_ISCHR(device.stat().st_mode)
 
 
@@ -77,7 +78,7 @@ def test_a_pipe_is_written_to(tmp_path):
     os.mkfifo(pipe)
     reader = threading.Thread(target=lambda: got.append(pipe.read_text()))
     reader.start()
-    write_text(pipe, "text")
+    write_text(pipe, "text", named=True)
     reader.join(10)
     assert got == ["text"]
     assert stat.S_ISFIFO(pipe.stat().st_mode)
@@ -88,7 +89,7 @@ def test_a_socket_is_not_replaced(tmp_path, monkeypatch):
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind("socket")
         with pytest.raises(InputError, match=r"^cannot write 'socket': "):
-            write_text(Path("socket"), "text")
+            write_text(Path("socket"), "text", named=True)
         assert stat.S_ISSOCK(os.stat("socket").st_mode)
 
 
@@ -96,7 +97,7 @@ def test_a_socket_is_not_replaced(tmp_path, monkeypatch):
 def test_standard_output_goes_on_where_it_was(tmp_path, where):
     script = (
         "from pathlib import Path; from oarlock.base.files import write_text; "
-        f"print('before'); write_text(Path({where!r}), 'text\\n'); print('after')"
+        f"print('before'); write_text(Path({where!r}), 'text\\n', named=True); print('after')"
     )
     with (tmp_path / "out").open("w") as out:
         subprocess.run([sys.executable, "-c", script], stdout=out, check=True)
@@ -112,9 +113,24 @@ def test_what_cannot_be_written_is_one_line(tmp_path, name):
     (tmp_path / "file").write_text("")
     (tmp_path / "round").symlink_to("round")
     with pytest.raises(InputError, match=r"^cannot write '") as caught:
-        write_text(tmp_path / name, "text")
+        write_text(tmp_path / name, "text", named=True)
     assert "\n" not in str(caught.value)
     assert sorted(os.listdir(tmp_path)) == ["file", "folder", "round"]
+
+
+@pytest.mark.parametrize("kind", ["link", "dangling", "round", "pipe", "folder link"])
+def test_a_file_of_ours_takes_its_place_whatever_stands_there(tmp_path, kind):
+    """A folder of results may come from somebody else: a link in it is no wish of the user's."""
+    (tmp_path / "far").mkdir()
+    (tmp_path / "far" / "theirs").write_text("theirs")
+    path = tmp_path / "summary.json"
+    leads = {"link": "far/theirs", "dangling": "far/gone", "round": path.name, "folder link": "far"}
+    os.mkfifo(path) if kind == "pipe" else path.symlink_to(leads[kind])
+    write_text(path, "ours")
+    assert stat.S_ISREG(path.lstat().st_mode)
+    assert path.read_text() == "ours"
+    assert os.listdir(tmp_path / "far") == ["theirs"]
+    assert (tmp_path / "far" / "theirs").read_text() == "theirs"
 
 
 def test_a_name_may_be_as_long_as_names_of_files_may_be(tmp_path):

@@ -20,6 +20,9 @@ def asked(call):
 if __name__ == "__main__":
     if sys.argv[1] == "used":
         oarlock.run("four_bar", mode="free", solver="mujoco", duration=0.01)
+    elif sys.argv[1] == "loaded":
+        import polars
+        import oarlock.batch.session, oarlock.report.case_report
     else:
         import polars
     for call in sys.argv[2:]:
@@ -48,8 +51,9 @@ def said(tmp_path, how):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells whose threads there are")
-def test_before_polars_computed_a_fork_works(tmp_path):
-    assert said(tmp_path, "imported") == ["True", "True"]
+@pytest.mark.parametrize("how", ["imported", "loaded"])
+def test_before_polars_computed_a_fork_works(tmp_path, how):
+    assert said(tmp_path, how) == ["True", "True"]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a fork is no way to start a process")

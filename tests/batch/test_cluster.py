@@ -20,7 +20,20 @@ from oarlock.batch.workers import LocalWorkers, LostError
 from oarlock.tables.figures import TIMING_FIGURES
 from oarlock.tables.folder import OCCASION
 from places import TESTS
-from suites import KILL, TINY, UNITS, Counter, carried_out, interrupted_and_resumed, noted, notes, python_model
+from suites import (
+    KILL,
+    SILENCE_S,
+    TINY,
+    UNITS,
+    Counter,
+    carried_out,
+    interrupted_and_resumed,
+    late_once,
+    noted,
+    notes,
+    python_model,
+    slow_with_a_pulse,
+)
 
 TWO = (
     TINY[: TINY.index("[[experiments]]")] + TINY[TINY.index('[[experiments]]\nmode = "free"') : TINY.index("[[gates]]")]
@@ -270,7 +283,27 @@ def test_what_a_stopped_worker_had_is_done_elsewhere(tiny, tmp_path):
         assert carried_out([tiny], tmp_path / "out", workers, fresh=True).repeated == UNITS
     assert (tmp_path / "was_here").exists()
     (line,) = said
-    assert line.endswith(" does not come to an end, and is replaced")
+    assert line.endswith(" does not go on, and is replaced if it can be")
+
+
+@pytest.mark.slow
+def test_what_goes_on_may_take_as_long_as_it_likes(tmp_path):
+    with scheduler() as (address, _), worker(address), closing(Cluster(address, None, silent, SILENCE_S)) as workers:
+        assert workers.submit(slow_with_a_pulse, str(tmp_path / "a")).result(60) == 1
+
+
+@pytest.mark.slow
+def test_a_late_worker_that_nobody_replaces_goes_on(tmp_path):
+    """Without a nanny a worker cannot be restarted: once it has ended what was late, it is as good as before."""
+    said = []
+    with (
+        scheduler() as (address, _),
+        worker(address),
+        closing(Cluster(address, None, said.append, SILENCE_S)) as workers,
+    ):
+        assert workers.submit(late_once, str(tmp_path / "a")).result(60) == "in time"
+    (line,) = said
+    assert line.endswith(" does not go on, and is replaced if it can be")
 
 
 @pytest.mark.slow
@@ -278,7 +311,7 @@ def test_what_never_ends_fails_and_nothing_else_does(tiny, tmp_path):
     never = python_model(tmp_path / "never", STOP, TWO)
     with closing(Cluster("local", 2, lambda _: None, LIMIT_S)) as workers:
         stopped, whole = carried_out([never, tiny], tmp_path / "out", workers).members
-    expected = "failed: no end within the time that a run may take (--unit-timeout), twice"
+    expected = "failed: no step within the time that a run may be silent (--unit-timeout), twice"
     assert {str(why) for why in stopped.ledger.failures().values()} == {expected}
     assert whole.ledger.failures() == {}
 

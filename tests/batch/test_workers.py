@@ -15,7 +15,7 @@ from contextlib import closing
 import pytest
 from oarlock.batch.workers import LocalWorkers, dispatch
 from places import TESTS
-from suites import alive, stopped_once, stopped_twice
+from suites import SILENCE_S, alive, slow_with_a_pulse, stopped_once, stopped_twice
 from tolerances import GONE_S
 
 PARENT = """
@@ -126,10 +126,16 @@ def test_what_a_stopped_worker_had_is_done_elsewhere(tmp_path):
     assert {item: d.result for item, d in done.items()} == {item: f"{item} done" for item in items}
 
 
+def test_what_goes_on_may_take_as_long_as_it_likes(tmp_path):
+    with closing(LocalWorkers(1, limit_s=SILENCE_S)) as workers:
+        (done,) = dispatch(slow_with_a_pulse, [str(tmp_path / "a")], workers)
+    assert done.result == 1
+
+
 def test_what_never_ends_fails_and_nothing_else_does(tmp_path):
     with closing(LocalWorkers(2, limit_s=3.0)) as workers:
         items = [str(tmp_path / name) for name in "abc"]
         done = {d.item: d for d in dispatch(stopped_twice, items, workers)}
     errors = {item: str(d.error) for item, d in done.items() if d.error}
-    assert errors == {items[0]: "no end within the time that a run may take (--unit-timeout), twice"}
+    assert errors == {items[0]: "no step within the time that a run may be silent (--unit-timeout), twice"}
     assert all(done[item].result == f"{item} done" for item in items[1:])

@@ -247,6 +247,16 @@ def test_usage_errors(oarlock_here, arguments):
     assert "Usage: " in finished.stderr
 
 
+@pytest.mark.parametrize("argument", ["\u202egnp", "\x1b[2J", "a\nb", "9" * 5000])
+@pytest.mark.parametrize("arguments", ["list {}", "check x --seed {}", "run x --{}", "{} x"])
+def test_usage_errors_show_arguments_as_text(oarlock_here, arguments, argument):
+    finished = oarlock_here(*(word.format(argument) for word in arguments.split()))
+    assert finished.returncode == 2
+    lines = finished.stderr.splitlines()
+    assert all(line.isprintable() and len(line) < 1000 for line in lines)
+    assert len(lines) == 4  # how it is used, where the help is, a blank line, what is wrong
+
+
 def test_report_without_results(oarlock_command):
     assert "no 'nowhere/case.json'" in complaint(oarlock_command("report", "nowhere"))
 

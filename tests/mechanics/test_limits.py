@@ -28,6 +28,21 @@ MODELS = {
         "nrow × ncol",
     ),
     "keys": (PLACE, f'<size nkey="2000000000"/>{PLACE}', "size> has nkey = 2000000000"),
+    "itself": (
+        PLACE,
+        '<asset><model name="x" file="model.xml"/></asset><worldbody><attach model="x" body="crank" prefix="y"/>',
+        "<model> names 'model.xml', which is within itself",
+    ),
+    "sensor": (
+        PLACE,
+        f'<sensor><user dim="2000000000" objtype="body" objname="crank"/></sensor>{PLACE}',
+        "<user> has dim = 2000000000",
+    ),
+    "connects": (
+        "</equality>",
+        '<connect site1="tip1" site2="tip2"/>' * 1000 + "</equality>",
+        "1001 equalities, expected",
+    ),
     "iterations": ("<option ", '<option iterations="2000000000" tolerance="0" ', "has iterations = 2000000000"),
     "name": ('"pin"', f'"{"x" * 10**6}"', "a name of 1000000 characters"),
     "include": (PLACE, f'<include file="pipe"/>{PLACE}', "include> names 'pipe', which is no regular file"),
@@ -61,14 +76,16 @@ def test_one_line_at_once(tmp_path, oarlock_here, kind):
     assert time.monotonic() - began < AT_ONCE_S
 
 
-@pytest.mark.parametrize("command", [("run",), ("new", "fresh", "--to", ".")], ids=["run", "new"])
-def test_an_inertia_that_is_not_positive_definite(tmp_path, oarlock_command, command):
+@pytest.mark.parametrize(
+    "arguments", [("run", "m"), ("new", "fresh", "m", "--to", "."), ("check", "m", "--budget", "0")], ids=lambda a: a[0]
+)
+def test_an_inertia_that_is_not_positive_definite_is_one_line(tmp_path, oarlock_command, arguments):
     text = four_bar().replace('<joint name="crank"', '<joint name="crank" armature="-5"')
-    finished = oarlock_command(*command, write_model(tmp_path / "m", text))
+    write_model(tmp_path, text).rename(tmp_path / "m.xml")
+    finished = oarlock_command(*("m.xml" if word == "m" else word for word in arguments))
     assert finished.returncode == 2
-    *warned, line = finished.stderr.splitlines()
-    assert "not positive definite" in line
-    assert all("MuJoCo warns: Inertia matrix" in other for other in warned)
+    (line,) = finished.stderr.splitlines()
+    assert "m.xml: the mass matrix is not positive definite" in line
 
 
 def test_what_is_commented_out_counts_not(tmp_path):
@@ -81,6 +98,35 @@ def test_included_files_count(tmp_path):
     (tmp_path / "more.xml").write_text('<mujoco><size nkey="99999"/></mujoco>')
     with pytest.raises(InputError, match="nkey = 99999"):
         load_model(write_model(tmp_path, four_bar().replace(PLACE, f'<include file="more.xml"/>{PLACE}')))
+
+
+def attaching(folder, files, times):
+    """A chain of files, each of which attaches the next so many times."""
+    inner = "".join(f'<attach model="m" body="b" prefix="p{i}"/>' for i in range(times))
+    for number in range(files):
+        last = number == files - 1
+        asset = "" if last else f'<asset><model name="m" file="../{folder.name}/m{number + 1}.xml"/></asset>'
+        body = f'<body name="b"><geom size="1"/>{"" if last else inner}</body>'
+        (folder / f"m{number}.xml").write_text(
+            f'<mujoco model="m{number}">{asset}<worldbody>{body}</worldbody></mujoco>'
+        )
+    return folder / "m0.xml"
+
+
+@pytest.mark.parametrize(
+    ("files", "times", "said"),
+    [(30, 2, "attaches models more than 5000 times"), (200, 1, "models within models, more than 100 deep")],
+)
+def test_models_within_models_have_limits(tmp_path, files, times, said):
+    began = time.monotonic()
+    with pytest.raises(InputError, match=said):
+        load_model(attaching(tmp_path, files, times))
+    assert time.monotonic() - began < AT_ONCE_S
+
+
+def test_some_models_within_models_are_welcome(tmp_path):
+    with pytest.raises(InputError, match="no <equality> element"):  # MuJoCo has read it
+        load_model(attaching(tmp_path, 5, 2))
 
 
 def test_a_script_has_the_limits_of_what_comes_out(tmp_path):

@@ -3,8 +3,10 @@
 Everything that the package writes for a user goes through ``replacing``:
 
 - a regular file is replaced by a rename once its new contents are complete, and keeps its permissions;
-- a link is followed, and what it leads to is written;
-- anything else (a device, a pipe, a socket, an open file such as ``/dev/stdout``) is written to and stays what it is.
+- of a file that the user names, a link is followed, and anything else (a device, a pipe, a socket, an open file such as
+  ``/dev/stdout``) is written to and stays what it is;
+- of a file with a name of ours in a folder of results or of a page, a link or anything else is replaced: such a folder
+  may come from somebody else, and a link in it would lead anywhere.
 """
 
 import errno
@@ -36,12 +38,16 @@ _numbers = itertools.count()
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, *, named: bool = False) -> Iterator[Path]:
     """Yields a temporary path, whose file takes the place of ``path`` when the block ends without an error.
 
-    It lies beside the file that ``path`` leads to. Where that is no regular file, it lies in the system's temporary
-    folder, and its contents are written to ``path`` instead. Folders are created as needed. Interruptions are held
-    back meanwhile (see ``uninterrupted``).
+    It lies beside the file. Folders are created as needed. Interruptions are held back meanwhile (see
+    ``uninterrupted``).
+
+    Args:
+        path: of the file.
+        named: whether the user names this very file. Then links are followed, and where they lead to no regular file,
+            the temporary one lies in the system's temporary folder, and its contents are written to ``path`` instead.
 
     Raises:
         InputError: the file cannot be written (full disk, no permission, a folder is there).
@@ -49,7 +55,7 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         with uninterrupted():
-            target = destination(path)
+            target = destination(path) if named else _place(path)
             folder = Path(tempfile.gettempdir()) if target is None else target.parent
             folder.mkdir(parents=True, exist_ok=True)
             temporary = folder / f".{path.stem[:_NAME_LENGTH]}.{next(_numbers)}.{os.getpid()}.tmp{path.suffix[:8]}"
@@ -86,6 +92,13 @@ def destination(path: Path) -> Path | None:
     return Path(os.path.realpath(path)) if stat.S_ISREG(mode) and _open_file(path) is None else None
 
 
+def _place(path: Path) -> Path:
+    """The place of a file of ours, whatever stands there, unless it is a folder."""
+    if path.is_dir() and not path.is_symlink():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+    return path
+
+
 def _open_file(path: Path) -> Path | None:
     """The entry among the open files of a process that a path leads to, such as ``/proc/self/fd/1``; None: to none."""
     while True:  # os.stat has followed the links, so they come to an end
@@ -113,7 +126,9 @@ def _pour(contents: BinaryIO, path: Path) -> None:
 
 def _keep_mode(target: Path, temporary: Path) -> None:
     with suppress(OSError):  # there is none yet, or it belongs to somebody else
-        temporary.chmod(stat.S_IMODE(target.stat().st_mode))
+        mode = target.lstat().st_mode
+        if stat.S_ISREG(mode):
+            temporary.chmod(stat.S_IMODE(mode))
 
 
 @contextmanager
@@ -138,22 +153,22 @@ def uninterrupted() -> Iterator[None]:
             raise KeyboardInterrupt
 
 
-def write_text(path: Path, text: str) -> None:
-    """Writes a text file in UTF-8, whole or not at all.
+def write_text(path: Path, text: str, *, named: bool = False) -> None:
+    """Writes a text file in UTF-8, whole or not at all; see ``replacing``.
 
     Raises:
         InputError: the file cannot be written.
     """
-    write_bytes(path, text.encode())
+    write_bytes(path, text.encode(), named=named)
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Writes a file, whole or not at all.
+def write_bytes(path: Path, content: bytes, *, named: bool = False) -> None:
+    """Writes a file, whole or not at all; see ``replacing``.
 
     Raises:
         InputError: the file cannot be written.
     """
-    with replacing(path) as temporary:
+    with replacing(path, named=named) as temporary:
         temporary.write_bytes(content)
 
 

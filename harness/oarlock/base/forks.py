@@ -1,13 +1,15 @@
 """Processes that were forked: threads do not come along, and polars would wait for its own for ever."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
 from oarlock.base.errors import InputError
 
-_THREADS = "polars-"
-"""Begins the names of the threads of polars that compute. They are started when it computes for the first time."""
+_THREADS = re.compile(r"polars-\d")
+"""Begins the names of the threads of polars that compute. They are started when it computes for the first time; others,
+such as ``polars-ooc-cleaner``, as soon as it is imported."""
 
 
 class _Forks:
@@ -35,7 +37,7 @@ def _computing() -> bool:
         tasks = list(Path("/proc/self/task").iterdir())
     except OSError:
         return True
-    return any(_name(task).startswith(_THREADS) for task in tasks)
+    return any(_THREADS.match(_name(task)) for task in tasks)
 
 
 def _name(task: Path) -> str:

@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.pulse import felt_by
 from oarlock.base.scratch import scratch_folder
 from oarlock.batch import digest
 from oarlock.batch.workers import OVERDUE, DiedError, LostError, uninterrupted_children
@@ -39,11 +40,16 @@ _LOOK_S = 0.5
 _ALONE_S = 10.0
 """Time without a worker after which the user is told, s."""
 _CLOSE_S = 15.0
+_RESTART_S = 60.0
+"""Time for a worker to be started anew, s: one that is given up halfway is gone for good, and a machine may be busy."""
 
 _LOGGERS = ("distributed", "distributed.client", "distributed.gc", "tornado", "tornado.application", "asyncio")
 
 _ME = uuid.uuid4().hex
 """Identifies this process as a worker: a restarted one has the address of the one that died, but not its work."""
+
+_TOPIC = "oarlock-pulse"
+"""Of the scheduler's events that tell which worker goes on."""
 
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -66,11 +72,23 @@ def work(worker: str, call: bytes) -> Any:
     if worker != _ME:
         raise RuntimeError("meant for a worker that is gone")
     function, item = pickle.loads(call)
-    with _ONE_AT_A_TIME:
+    with _ONE_AT_A_TIME, felt_by(_tell):
         try:
             return function(item)
         except (SystemExit, KeyboardInterrupt) as error:  # they would end the worker
             raise RuntimeError(str(error)) from None
+
+
+def rested() -> str:
+    """Returns the identity of this worker once it has nothing in work."""
+    with _ONE_AT_A_TIME:
+        return _ME
+
+
+def _tell() -> None:
+    """Tells everybody who listens at the scheduler that this worker goes on."""
+    with suppress(ValueError, OSError):  # it is no worker any more
+        importlib.import_module("distributed").get_worker().log_event(_TOPIC, _ME)
 
 
 class _GoneError(Exception):
@@ -90,12 +108,14 @@ class _Seat:
         gone: resolved when the worker is gone, with whether that was intended.
         worker: its identity ``_ME``, once it is known.
         unfit: why it cannot be used; empty if it can.
+        clock: ends the wait for what it has in work.
     """
 
     address: str
     gone: "asyncio.Future[bool]"
     worker: str = ""
     unfit: str = ""
+    clock: asyncio.Timeout | None = None
 
 
 class Cluster:
@@ -112,7 +132,7 @@ class Cluster:
             jobs: number of items in work at once, or of processes of a local cluster; None for as many as there are
                 workers.
             say: called with what the user should know while it runs.
-            limit_s: time that an item may be in work, s; None for ever.
+            limit_s: time that an item may be in work without a beat of its pulse (``base.pulse``), s; None for ever.
 
         Raises:
             InputError: dask.distributed is not installed, or no scheduler answers at the address.
@@ -209,6 +229,7 @@ class Cluster:
             async with asyncio.timeout(_ANSWER_S):
                 self._client = await client
                 self._client.subscribe_topic("all", self._hear)
+                self._client.subscribe_topic(_TOPIC, self._feel)
                 known = await self._client.scheduler.identity(n_workers=-1)
             for address in known["workers"]:
                 self._welcome(address)
@@ -272,6 +293,12 @@ class Cluster:
                 if seat:
                     seat.gone.set_result(expected)
 
+    def _feel(self, event: tuple[float, Any]) -> None:
+        """Winds up the clock of a worker that goes on."""
+        for seat in self._seats.values():
+            if seat.worker == event[1] and seat.clock and not seat.clock.expired() and self._limit_s is not None:
+                seat.clock.reschedule(self._loop.time() + self._limit_s)
+
     def _welcome(self, address: str) -> None:
         if address not in self._seats:
             seat = self._seats[address] = _Seat(address, self._loop.create_future())
@@ -323,13 +350,14 @@ class Cluster:
                 continue
             late = False
             try:
-                async with asyncio.timeout(self._limit_s):
+                async with asyncio.timeout(self._limit_s) as seat.clock:
                     return await self._at(seat, work, seat.worker, call)
             except _GoneError as gone:
                 deaths += not gone.expected
             except TimeoutError:
                 deaths, how, late = deaths + 1, OVERDUE, True
             finally:
+                seat.clock = None
                 if late:
                     self._replace(seat)
                 else:
@@ -337,13 +365,16 @@ class Cluster:
         raise DiedError(f"{how}, twice")
 
     def _replace(self, seat: _Seat) -> None:
-        """Gives up a worker that does not come to an end; whoever watches over it starts another, if somebody does."""
-        self._say(f"scheduler {self._scheduler}: worker {seat.address} does not come to an end, and is replaced")
+        """Gives up a worker that does not go on; whoever watches over it starts another, if somebody does."""
+        self._say(f"scheduler {self._scheduler}: worker {seat.address} does not go on, and is replaced if it can be")
         self._keep(self._restarted(seat))
 
     async def _restarted(self, seat: _Seat) -> None:
-        with suppress(Exception):  # stopped, or nobody watches over it: then it is left out until it is gone
-            await self._client.restart_workers([seat.address], timeout=_CLOSE_S, raise_for_error=False)
+        with suppress(Exception):  # nobody watches over it
+            await self._client.restart_workers([seat.address], timeout=_RESTART_S, raise_for_error=False)
+        with suppress(Exception):  # it is gone
+            if await self._at(seat, rested) == seat.worker:  # it was late, no more, and is as good as any other
+                self._free.put_nowait(seat)
 
     async def _at(self, seat: _Seat, function: Callable[..., Any], *arguments: Any) -> Any:
         """What a function gives at one worker, and nowhere else."""

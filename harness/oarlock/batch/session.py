@@ -42,8 +42,8 @@ def suite(
         jobs: runs at once; one a core if left out.
         scheduler: address of a dask.distributed scheduler to run on, or ``local`` for a cluster of processes here.
         fresh: do everything anew, also what is finished.
-        unit_timeout: time that a run may be in work, s, before its worker is ended and it is done once more elsewhere;
-            0 for ever.
+        unit_timeout: time that a run may be in work without a step, s, before its worker is ended and it is done once
+            more elsewhere; 0 for ever.
         progress: listens.
 
     Raises:
@@ -78,8 +78,8 @@ def sweep(
         jobs: runs at once; one a core if left out.
         scheduler: address of a dask.distributed scheduler to run on, or ``local`` for a cluster of processes here.
         fresh: do everything anew, also what is finished.
-        unit_timeout: time that a run may be in work, s, before its worker is ended and it is done once more elsewhere;
-            0 for ever.
+        unit_timeout: time that a run may be in work without a step, s, before its worker is ended and it is done once
+            more elsewhere; 0 for ever.
         progress: listens.
 
     Raises:

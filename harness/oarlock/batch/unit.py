@@ -15,6 +15,7 @@ import polars as pl
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.hashing import of_document, of_file
+from oarlock.base.pulse import beat
 from oarlock.batch import digest
 from oarlock.cases.case import Case, load_case
 from oarlock.cases.conditions import Conditions
@@ -159,7 +160,7 @@ def _run(unit: Unit) -> Outcome:
     case = load_case(unit.case)
     if unit.digest != expected_digest(unit, case):
         raise InputError(f"'{case.name}' is not what it was when the suite was planned: files or versions differ")
-    laboratory = Laboratory(unit.point.of(case), Conditions.at(unit.point))
+    laboratory = Laboratory(unit.point.of(case), Conditions.at(unit.point), tick=beat)
     results = [result for result in laboratory.run(unit.task) if result.key.slug in unit.runs]
     found = tuple(result.key.slug for result in results)
     if found != unit.runs:

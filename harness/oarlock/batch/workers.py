@@ -4,6 +4,7 @@ Only ``dispatch`` knows how work is handed out. A kind of workers is a class wit
 ``LocalWorkers`` here, ``Cluster`` in ``cluster.py``.
 """
 
+import itertools
 import multiprocessing
 import os
 import pickle
@@ -22,6 +23,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from oarlock.base.errors import InputError
 from oarlock.base.processes import end_with_parent
+from oarlock.base.pulse import felt_by
 from oarlock.base.scratch import scratch
 
 Item = TypeVar("Item")
@@ -35,10 +37,10 @@ _SLICE_S = 0.5
 _GRACE_S = 2.0
 """Time that processes have to end by themselves once another one has died, s."""
 
-UNIT_TIMEOUT_S = 6 * 3600.0
-"""Time that an item may be in work unless something else is asked for, s."""
+UNIT_TIMEOUT_S = 3600.0
+"""Time that an item may be silent unless something else is asked for, s."""
 
-OVERDUE = "no end within the time that a run may take (--unit-timeout)"
+OVERDUE = "no step within the time that a run may be silent (--unit-timeout)"
 
 
 class Workers(Protocol):
@@ -66,7 +68,7 @@ class Workers(Protocol):
         ...
 
     def expire(self) -> "set[Future[Any]]":
-        """Ends the workers of items that are in work for longer than an item may be; returns their futures.
+        """Ends the workers of items that are silent for longer than an item may be; returns their futures.
 
         These end as if the worker had died, and so may others. Workers that see to that by themselves return nothing.
         """
@@ -93,12 +95,13 @@ class LocalWorkers:
 
         Args:
             jobs: number of processes at most.
-            limit_s: time that an item may be in work, s; None for ever.
+            limit_s: time that an item may be in work without a beat of its pulse (``base.pulse``), s; None for ever.
         """
         self._jobs, self._limit_s = jobs, limit_s
         self._files: Path | None = None
         self._pool: ProcessPoolExecutor | None = None
-        self._due: dict[Future[Any], float] = {}
+        self._clocks: dict[Future[Any], _Clock] = {}
+        self._numbers = itertools.count()
         self._processes: list[multiprocessing.process.BaseProcess] = []
 
     @property
@@ -119,12 +122,13 @@ class LocalWorkers:
             )
         before = multiprocessing.active_children()
         result: Future[Result] = Future()
+        pulse = self._files / f"pulse-{next(self._numbers)}"
         with uninterrupted_children(), _one_thread():
-            file = self._pool.submit(_to_file, function, item, str(self._files))
+            file = self._pool.submit(_to_file, function, item, str(self._files), str(pulse))
         file.add_done_callback(partial(_from_file, result))
         if self._limit_s is not None:
-            self._due[result] = time.monotonic() + self._limit_s
-            result.add_done_callback(lambda future: self._due.pop(future, None))
+            self._clocks[result] = _Clock(pulse, self._limit_s)
+            result.add_done_callback(lambda future: self._clocks.pop(future, None))
         self._processes += [child for child in multiprocessing.active_children() if child not in before]
         return result
 
@@ -143,9 +147,8 @@ class LocalWorkers:
         return f"its process ended with {_signal_or_status(codes[0])}"
 
     def expire(self) -> "set[Future[Any]]":
-        """Ends all processes if one item has been in work for too long; see ``Workers``."""
-        now = time.monotonic()
-        late = {future for future, due in list(self._due.items()) if due < now}
+        """Ends all processes if one item has been silent for too long; see ``Workers``."""
+        late = {future for future, clock in list(self._clocks.items()) if clock.late()}
         if late:
             _killed(self._processes)
         return late
@@ -167,6 +170,25 @@ class LocalWorkers:
         self._pool, self._files, self._processes = None, None, []
 
 
+class _Clock:
+    """How long an item has been silent. Beats are told by the time of a file, which only has to change."""
+
+    def __init__(self, pulse: Path, limit_s: float):
+        self._pulse, self._limit_s = pulse, limit_s
+        self._last: int | None = None
+        self._due = time.monotonic() + limit_s
+
+    def late(self) -> bool:
+        """Whether nothing was heard for too long."""
+        try:
+            last = self._pulse.stat().st_mtime_ns
+        except OSError:  # not a beat yet
+            last = None
+        if last != self._last:
+            self._last, self._due = last, time.monotonic() + self._limit_s
+        return self._due < time.monotonic()
+
+
 def _killed(processes: list[multiprocessing.process.BaseProcess]) -> list[multiprocessing.process.BaseProcess]:
     """Ends processes at once, also those that are stopped; returns those that lived."""
     lived = [process for process in processes if process.is_alive()]
@@ -175,9 +197,11 @@ def _killed(processes: list[multiprocessing.process.BaseProcess]) -> list[multip
     return lived
 
 
-def _to_file(function: Callable[[Item], Any], item: Item, folder: str) -> str:
+def _to_file(function: Callable[[Item], Any], item: Item, folder: str, pulse: str) -> str:
     tempfile.tempdir = folder  # whatever it leaves when it is killed goes with that
-    result = function(item)
+    with felt_by(partial(Path(pulse).touch)):
+        result = function(item)
+    Path(pulse).unlink(missing_ok=True)
     with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
         pickle.dump(result, file)
     return file.name
@@ -265,8 +289,8 @@ def dispatch(
     """Calls a function on every item, in the order given, and yields each item as soon as it is finished.
 
     When a worker dies, everything that was in work is run again, one at a time: a second death is then the item's own
-    fault, and the others go on. An item that takes too long is run once more as well, and so is what was in work beside
-    it. Workers are killed if the iteration is left early, by an interruption or otherwise.
+    fault, and the others go on. An item that is silent for too long is run once more as well, and so is what was in
+    work beside it. Workers are killed if the iteration is left early, by an interruption or otherwise.
 
     Raises:
         LostError: the workers are gone for good; what was finished until then is yielded before.

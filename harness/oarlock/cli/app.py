@@ -15,6 +15,7 @@ import typer
 from typer.core import TyperGroup
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.text import visible
 from oarlock.cli.console import BAD_INPUT, ends, interruptible, say
 
 COMMANDS = {
@@ -51,10 +52,26 @@ class _Commands(Mapping[str, Any]):
         return len(COMMANDS)
 
 
+_UsageError: Any = typer.BadParameter.__mro__[1]
+"""What typer raises of arguments that it does not understand; it has no name for it of its own."""
+
+_LONGEST_USAGE = 500
+"""Characters of what is said of them."""
+
+
 class _Group(TyperGroup):
     def __init__(self, **settings: Any):
         super().__init__(**{**settings, "commands": None})
         self.commands: Any = _Commands()
+
+    def invoke(self, ctx: Any) -> Any:
+        """Runs the command that was asked for; what is said of its arguments is visible, whatever is in them."""
+        try:
+            return super().invoke(ctx)
+        except _UsageError as error:
+            said: Any = error
+            said.message = visible(said.message, _LONGEST_USAGE)
+            raise
 
 
 app = typer.Typer(cls=_Group, no_args_is_help=True, **_SETTINGS)

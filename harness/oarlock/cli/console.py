@@ -105,7 +105,7 @@ def emit_json(document: Any, target: str) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
     else:
-        write_text(Path(target), text)
+        write_text(Path(target), text, named=True)
 
 
 def one_of(names: Iterable[str]) -> str:

@@ -40,9 +40,9 @@ def suite(
         typer.Option(
             metavar="S",
             min=0.0,
-            help="Time that a run may take before its worker is ended and it is done once more, in s; 0: no limit.",
+            help="Time without a step after which a run's worker is ended and it is done once more, in s; 0: no limit.",
         ),
-    ] = 21600.0,
+    ] = 3600.0,
     sweep: Annotated[
         list[str] | None,
         typer.Option(

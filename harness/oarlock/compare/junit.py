@@ -63,4 +63,4 @@ def write_junit(difference: Difference, path: Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    write_text(path, junit(difference))
+    write_text(path, junit(difference), named=True)

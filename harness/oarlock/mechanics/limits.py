@@ -6,6 +6,7 @@ A model comes from anybody. A file beyond one of these is refused by name; whoev
 
 import html
 import math
+import os
 import re
 import stat
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ import mujoco
 from oarlock.base.errors import InputError
 from oarlock.base.files import read_bytes, reason
 from oarlock.base.text import short_name
+from oarlock.mechanics.nesting import Part, require_few_copies
 
 FILE_BYTES = 2**26
 """Of an MJCF file, and of each that it includes."""
@@ -38,6 +40,12 @@ RESERVED = 10_000
 NAME_LENGTH = 1000
 """Characters of a name."""
 
+EQUALITIES = 500
+"""Of an MJCF file. The time of ``check`` and of ``new`` grows with their square: 40 s."""
+
+NUMBERS = 2**24
+"""Of a sensor or an actuator, and of all of a model: 128 MiB."""
+
 ITERATIONS = 10_000
 """Of MuJoCo's solvers, a step: with a tolerance of 0 they make all of them."""
 
@@ -48,6 +56,8 @@ _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _TAG = re.compile(rb"<(/?)([a-z]+)((?:\s+[\w:.-]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*)\s*(/?)>")
 _ATTRIBUTE = re.compile(rb"([\w:.-]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
+_NUMBERS = {"user": ("dim",), "numeric": ("size",), "general": ("actdim",)}
+"""Attributes by which an element asks for so many numbers."""
 _RESERVING = re.compile("nkey|nuser")
 
 
@@ -59,25 +69,37 @@ def require_moderate(path: Path) -> None:
     Raises:
         InputError: a limit is passed, or a file that is named is no regular one.
     """
-    base, seen, folders = path.parent, set[Path](), {path.parent}
+    base, parts, folders = path.parent, dict[Path, Part](), {path.parent}
     left = [path]
     while left:
         file = left.pop()
-        if file in seen:
+        if file in parts:
             continue
-        seen.add(file)
-        if len(seen) > FILES:
+        part = parts[file] = Part()
+        if len(parts) > FILES:
             raise InputError(f"{path}: includes more than {FILES} files, expected fewer")
         folders.add(file.parent)
         for tag, given in _elements(file):
             _require_sizes(path, tag, given)
             folders |= {base / given[name] for name in _FOLDERS if name in given}
+            if tag == "attach":
+                part.attached[given.get("model", "")] += 1
             for name, value in given.items():
                 if name.startswith("file") and value and "\0" not in value:
-                    found = [place / value for place in folders if _kind(place / value) is not None]
+                    found = [_one_name(place / value) for place in folders if _kind(place / value) is not None]
                     if any(not stat.S_ISREG(_kind(place) or 0) for place in found):
                         raise InputError(f"{path}: <{tag}> names '{value}', which is no regular file")
+                    if tag == "include":
+                        part.includes += found
+                    elif tag == "model":
+                        part.models += [(given.get("name", ""), place) for place in found]
                     left += found if tag in ("include", "model") else []
+    require_few_copies(path, parts)
+
+
+def _one_name(path: Path) -> Path:
+    """A path without ``..``, which would give a file ever new names; links stay."""
+    return Path(os.path.normpath(path))
 
 
 def _kind(path: Path) -> int | None:
@@ -122,6 +144,7 @@ def _require_sizes(path: Path, tag: str, given: dict[str, str]) -> None:
     elif tag in ("option", "size"):
         reserving = [name for name in given if name.endswith("iterations") or _RESERVING.match(name)]
         asked += [(n, _product(given[n]), ITERATIONS if n.endswith("iterations") else RESERVED) for n in reserving]
+    asked += [(name, _product(given[name]), NUMBERS) for name in _NUMBERS.get(tag, ()) if name in given]
     for name, value, most in asked:
         if value > most:
             raise InputError(f"{path}: <{tag}> has {name} = {value:.15g}, expected {most} at most")
@@ -152,7 +175,7 @@ def _product(numbers: str) -> float:
 
 
 def require_moderate_model(path: Path, model: mujoco.MjModel) -> None:
-    """Checks what a model may also have from defaults or a script: iterations and lengths of names.
+    """Checks what a model may also have from defaults or a script: iterations, numbers of a state, lengths of names.
 
     Raises:
         InputError: a limit is passed.
@@ -160,6 +183,13 @@ def require_moderate_model(path: Path, model: mujoco.MjModel) -> None:
     for name in ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations"):
         if (value := getattr(model.opt, name, 0)) > ITERATIONS:
             raise InputError(f"{path}: option {name} = {value}, expected {ITERATIONS} at most")
+    if model.neq > EQUALITIES and path.suffix != ".py":
+        raise InputError(
+            f"{path}: {model.neq} equalities, expected {EQUALITIES} at most, or a model.py that builds them"
+        )
+    for name in ("nsensordata", "nuserdata", "na", "nhistory"):
+        if (value := getattr(model, name, 0)) > NUMBERS:
+            raise InputError(f"{path}: {name} = {value}, expected {NUMBERS} at most")
     longest = max(map(len, model.names.split(b"\0")), default=0)
     if longest > 4 * NAME_LENGTH:  # bytes
         raise InputError(f"{path}: a name of {longest} bytes, expected {NAME_LENGTH} characters at most")

@@ -40,6 +40,11 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     for text in said:
         if "NaN" in text:  # MuJoCo takes a NaN for a number that was left out, or computes with it
             raise InputError(f"{path}: {_attribute_with_nan(path)} is not a number, expected finite numbers only")
+        if "Inertia matrix" in text and not _has_inertia(model):
+            raise InputError(
+                f"{path}: the mass matrix is not positive definite in the model's own pose, expected masses, "
+                "inertias and armatures > 0"
+            )
         warnings.warn(f"{path}: MuJoCo warns: {one_line(text)}", stacklevel=2)
     if model.neq == 0:
         raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop")
@@ -48,6 +53,20 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     _require_sound(path, model)
     require_moderate_model(path, model)
     return model
+
+
+def _has_inertia(model: mujoco.MjModel) -> bool:
+    """Whether the mass matrix of a model in its own pose is positive definite."""
+    data = mujoco.MjData(model)
+    matrix = np.zeros((model.nv, model.nv))
+    with collected_warnings():
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fullM(model, data, matrix)
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return bool(np.isfinite(matrix).all())
 
 
 def _callbacks() -> str:

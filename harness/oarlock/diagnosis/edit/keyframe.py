@@ -64,7 +64,7 @@ def write_keyframe(
     for attribute, value in given.items():
         key.set(attribute, " ".join(map(repr, np.asarray(value, dtype=float).tolist())))
     text = copier.header + ET.tostring(root, encoding="unicode") + "\n"
-    with replacing(target) as temporary:
+    with replacing(target, named=True) as temporary:
         temporary.write_text(text, encoding="utf-8")
         _require_same(source, temporary, original, name, qpos)
     return name

@@ -42,7 +42,7 @@ def write_tuned(source: Path, out: Path, setting: Setting) -> list[Path]:
     if root.find("option") is None:
         ET.SubElement(root, "option")
     copier.tune(root)
-    with replacing(out) as temporary:
+    with replacing(out, named=True) as temporary:
         temporary.write_text(copier.header + ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
         try:
             different = differences(wanted, load_model(temporary))

@@ -9,6 +9,7 @@ import copy
 import mujoco
 import numpy as np
 
+from oarlock.base.errors import InputError
 from oarlock.cases.equality_kinds import unknown
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.mechanics.inequalities import IGNORED
@@ -107,6 +108,18 @@ class Assembly:
         found = self._fixed()
         found[self.at_rows()] = self.data.efc_pos[: self.data.ne]
         return found
+
+    def require_finite(self) -> None:
+        """Checks that all rows can be computed at the present pose.
+
+        Raises:
+            InputError: one cannot.
+        """
+        finite = np.isfinite(self.jacobian()).all(axis=1) & np.isfinite(self.residual())
+        if not finite.all():
+            bad = int(finite.argmin())
+            name = self.equalities[int(np.searchsorted(self.starts, bad, side="right")) - 1].name
+            raise InputError(f"equality '{name}' has rows that are not finite at the start, expected finite numbers")
 
     def _fixed(self) -> np.ndarray:
         """Deviations (n) of connects and of the points of welds that MuJoCo leaves out: no joint moves their ends."""

@@ -104,6 +104,7 @@ def nearest_closed(
     mujoco.mj_normalizeQuat(assembly.model, given)
     speed = np.array(assembly.data.qvel if qvel is None else qvel, dtype=float)
     assembly.place(given)
+    assembly.require_finite()
     openings = openings_of(assembly, assembly.residual())
     speeds = openings_of(assembly, assembly.jacobian() @ speed, rates=True)
     closed = assembly.close()
