@@ -25,9 +25,9 @@ pub const GRADIENT: f64 = 1e-6;
 /// error of x where a row pushes, of first order where it only just does.
 pub const GAP: f64 = 1e-6;
 
-/// Rounding errors of x, in units of ε times the sizes that it is the difference of, times the stiffness: what no gradient can be
-/// below. The rows of J have up to some hundred entries, and an acceleration comes out of two solves.
-pub const ROUNDING: f64 = 1e3 * f64::EPSILON;
+/// Rounding errors of x relative to the sizes that it is the difference of; times the stiffness they are what no gradient can be
+/// below. An acceleration comes out of two solves with M, whose condition of 1e4 and more leaves its part.
+pub const ROUNDING: f64 = 1e4 * f64::EPSILON;
 
 /// The figures of an answer; all are relative and 0 where it is exact.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -88,12 +88,14 @@ impl Notary {
         check_finite("forces of the rows", &self.f)?;
 
         let (mut off, mut noise, mut size) = (0.0_f64, 0.0_f64, frame.fixed);
+        for (length, force) in frame.lengths.iter().zip(forces) {
+            size = size.hypot(length * force);
+        }
         for row in 0..m {
             let length = frame.lengths[row];
             off = off.hypot(length * (forces[row] - self.f[row]));
-            size = size.hypot(length * forces[row]);
             if self.pieces[row].is_curved() {
-                let terms = rates[row].abs() + step.aref[row].abs();
+                let terms = frame.terms[row] + rates[row].abs() + length * size;
                 noise = noise.hypot(length * step.stiffness[row] * ROUNDING * terms);
             }
         }

@@ -42,11 +42,6 @@ impl Piece {
     pub(super) const fn is_curved(self) -> bool {
         matches!(self, Self::On | Self::Stick | Self::Slide)
     }
-
-    /// Whether it is free or of degree two with a constant Hessian.
-    pub(super) const fn is_quadratic(self) -> bool {
-        !matches!(self, Self::Slide)
-    }
 }
 
 /// A row of C, where CᵀC is the Hessian of the cost of a group: the group's first row, and an entry per row.

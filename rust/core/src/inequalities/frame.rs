@@ -34,6 +34,8 @@ pub(super) struct Frame {
     pub(super) reaches: Vec<f64>,
     /// c.
     pub(super) offsets: Vec<f64>,
+    /// What c is the sum of, in magnitude.
+    pub(super) terms: Vec<f64>,
     /// Rows that no admissible motion moves.
     pub(super) immobile: Vec<bool>,
     /// ‖y*‖ of the touched blocks: what the equality rows alone make of the acceleration.
@@ -113,6 +115,7 @@ impl Frame {
         self.rows.clear();
         self.rows.resize(step.aref.len() * self.size, 0.0);
         self.offsets.clear();
+        self.terms.clear();
         for (index, (given, aref)) in step.jacobian.chunks_exact(nv).zip(step.aref).enumerate() {
             let whitened = &self.whitened[index * nv..(index + 1) * nv];
             let row = &mut self.rows[index * self.size..(index + 1) * self.size];
@@ -130,6 +133,8 @@ impl Frame {
                 *entry = whitened[velocity];
             }
             self.offsets.push(offset);
+            let terms = given.iter().zip(start).map(|(entry, start)| (entry * start).abs()).sum::<f64>();
+            self.terms.push(terms + aref.abs() + self.lengths[index] * self.fixed);
         }
         check_size("inequality rows", &self.offsets)
     }

@@ -18,11 +18,23 @@ use super::search::{is_flat, search};
 use crate::info::Status;
 use crate::linalg::kernels::{axpy, dot_in_lanes, norm};
 
-/// Newton steps at most. A change of all pieces of 300 contact rows takes ten to twenty.
-pub const ITERATIONS: usize = 200;
+/// Newton steps at most of the last part of the way.
+pub const ITERATIONS: usize = 100;
+
+/// Newton steps before softer rows are tried. A change of all pieces of 300 contact rows takes ten to twenty.
+const DIRECT: usize = 25;
+
+/// Stiffness that softer rows begin with, beside their inertia: there are no narrow valleys yet.
+const SOFTEST: f64 = 1e2;
+
+/// By how much they get harder: one or two steps lead from one to the next.
+const HARDER: f64 = 30.0;
 
 /// A gradient is rounding where each of its entries is below this many rounding errors of what it is the sum of.
 const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// The same where no step makes it smaller, of the whole gradient.
+const LEAST: f64 = 64.0 * f64::EPSILON;
 
 /// Gradient beside the forces that it is the difference of which still counts as converged where rounding lets the iteration come no
 /// nearer.
@@ -46,12 +58,15 @@ pub(super) struct Newton {
     b: Vec<f64>,
     u: Vec<f64>,
     factor: Factor,
-    /// f_slip, then f⁺; z⁺; the step and x along it.
-    pushed: Vec<f64>,
+    /// Whether the factor is that of the rows, and the pieces that it stands on.
+    dual: bool,
+    before: Vec<Piece>,
+    /// z⁺; the step and x along it.
     target: Vec<f64>,
     step: Vec<f64>,
     along: Vec<f64>,
-    before: Vec<Piece>,
+    /// Stiffness of softer rows.
+    eased: Vec<f64>,
     /// x and z where the step began are here and in `target`.
     origin: Vec<f64>,
 }
@@ -70,14 +85,13 @@ impl Newton {
     /// Fits the workspace to the frame.
     fn resize(&mut self, frame: &Frame) {
         let (m, size) = (frame.offsets.len(), frame.size);
-        for vector in [&mut self.x, &mut self.origin, &mut self.f, &mut self.pushed, &mut self.along] {
+        for vector in [&mut self.x, &mut self.origin, &mut self.f, &mut self.along] {
             vector.resize(m, 0.0);
         }
         for vector in [&mut self.z, &mut self.gradient, &mut self.terms, &mut self.target, &mut self.step] {
             vector.resize(size, 0.0);
         }
         self.pieces.resize(m, Piece::Free);
-        self.before.resize(m, Piece::Free);
     }
 
     /// Goes to the minimum from z = 0, or from `warm` if that is lower; tells whether it was.
@@ -88,27 +102,81 @@ impl Newton {
         warm: Option<&[f64]>,
     ) -> (Course, bool) {
         self.resize(frame);
+        self.before.clear();
         let warmed = self.start(frame, step, warm);
         let mut course = Course { status: Status::Converged, iterations: 0, evaluations: 0, gradient: 0.0 };
-        self.differentiate(frame, step);
-        while !self.is_rounding() {
-            if course.iterations == ITERATIONS {
-                course.status = Status::IterationLimit;
-                break;
-            }
-            course.iterations += 1;
-            if !self.advance(frame, step, &mut course.evaluations) {
-                course.status = Status::Breakdown;
-                break;
-            }
+        if !self.descend(frame, step, &mut course, DIRECT) {
+            self.ease(frame, step, &mut course);
+            self.descend(frame, step, &mut course, ITERATIONS);
         }
-        let scale = norm(&self.z) + frame.reaches.iter().zip(&self.f).map(|(g, f)| g * f.abs()).sum::<f64>();
-        let gradient = norm(&self.gradient);
-        course.gradient = if scale > 0.0 { gradient / scale } else { 0.0 };
+        course.gradient = self.relative_gradient(frame);
         if course.gradient <= CONVERGED {
             course.status = Status::Converged;
         }
+        self.polish(frame, step);
         (course, warmed)
+    }
+
+    /// Goes down until the gradient is rounding; gives whether it is.
+    fn descend(
+        &mut self,
+        frame: &Frame,
+        step: &InequalityStep<'_>,
+        course: &mut Course,
+        limit: usize,
+    ) -> bool {
+        course.status = Status::Converged;
+        self.look(frame, step);
+        for _ in 0..limit {
+            if self.is_rounding() {
+                return true;
+            }
+            course.iterations += 1;
+            if !self.advance(frame, step, &mut course.evaluations) {
+                let least = self.is_least();
+                course.status = if least { Status::Converged } else { Status::Breakdown };
+                return least;
+            }
+        }
+        if !self.is_rounding() {
+            course.status = Status::IterationLimit;
+        }
+        self.is_rounding()
+    }
+
+    /// Goes to the minimum by way of softer rows, from z = 0: the valley of a stiff cone is narrow and bent, but each of these ends
+    /// near the next.
+    fn ease(&mut self, frame: &Frame, step: &InequalityStep<'_>, course: &mut Course) {
+        let mut eased = std::mem::take(&mut self.eased);
+        let inertia = |row: usize| step.stiffness[row] * frame.reaches[row] * frame.reaches[row];
+        let stiffest = (0..frame.offsets.len()).map(inertia).fold(0.0, f64::max);
+        self.z.fill(0.0);
+        let mut most = SOFTEST;
+        while most < stiffest {
+            eased.clear();
+            for group in step.groups {
+                let rows = eased.len()..eased.len() + group.rows();
+                let own = rows.clone().map(inertia).fold(0.0, f64::max);
+                let share = if own > most { most / own } else { 1.0 };
+                eased.extend(step.stiffness[rows].iter().map(|stiffness| stiffness * share));
+            }
+            self.descend(frame, &InequalityStep { stiffness: &eased, ..*step }, course, DIRECT);
+            most *= HARDER;
+        }
+        self.eased = eased;
+        self.before.clear();
+    }
+
+    /// Whether the gradient is as small as rounding lets it be where no step makes it smaller.
+    fn is_least(&self) -> bool {
+        norm(&self.gradient) <= LEAST * norm(&self.terms)
+    }
+
+    /// ‖z − Gᵀf‖ relative to ‖z‖ + Σ‖g‖|f|.
+    fn relative_gradient(&self, frame: &Frame) -> f64 {
+        let pulls = frame.reaches.iter().zip(&self.f).map(|(reach, force)| reach * force.abs());
+        let (gradient, scale) = (norm(&self.gradient), norm(&self.z) + pulls.sum::<f64>());
+        if scale > 0.0 { gradient / scale } else { 0.0 }
     }
 
     /// Puts z where the objective is lower.
@@ -118,13 +186,11 @@ impl Newton {
         let at_rest = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
         let Some(warm) = warm else { return false };
         frame.deviations(warm, &mut self.along);
-        let cost = evaluate(step, &self.along, &mut self.pushed, &mut self.before);
+        self.x.copy_from_slice(&self.along);
+        let cost = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
         let lower = cost + 0.5 * dot_in_lanes(warm, warm) < at_rest;
         if lower {
             self.z.copy_from_slice(warm);
-            self.x.copy_from_slice(&self.along);
-            self.f.copy_from_slice(&self.pushed);
-            self.pieces.copy_from_slice(&self.before);
         }
         lower
     }
@@ -157,7 +223,7 @@ impl Newton {
 
     /// A Newton step; gives whether it led anywhere.
     fn advance(&mut self, frame: &Frame, step: &InequalityStep<'_>, evaluations: &mut usize) -> bool {
-        let is_dual = self.aim(frame, step);
+        self.aim(frame, step);
         for ((step, target), z) in self.step.iter_mut().zip(&self.target).zip(&self.z) {
             *step = target - z;
         }
@@ -166,19 +232,15 @@ impl Newton {
         if !(first < 0.0 && least > 0.0) {
             return false;
         }
-        std::mem::swap(&mut self.pieces, &mut self.before);
         std::mem::swap(&mut self.z, &mut self.target);
         std::mem::swap(&mut self.x, &mut self.origin);
         // The whole step, which is the last one where no row changes its piece.
         self.look(frame, step);
         *evaluations += 1;
-        let slope = dot_in_lanes(&self.gradient, &self.step);
         if self.is_rounding() {
-            if is_dual && self.pieces == self.before && self.pieces.iter().all(|piece| piece.is_quadratic()) {
-                self.take_dual(frame);
-            }
             return true;
         }
+        let slope = dot_in_lanes(&self.gradient, &self.step);
         if is_flat(slope, first) {
             return least.sqrt() > STILL * norm(&self.z);
         }
@@ -210,17 +272,42 @@ impl Newton {
         self.differentiate(frame, step);
     }
 
-    /// Forces as the step found them: those of x have its rounding, times the stiffness.
-    fn take_dual(&mut self, frame: &Frame) {
-        for (index, (force, &pushed)) in self.f.iter_mut().zip(&self.pushed).enumerate() {
-            if !frame.immobile[index] {
-                *force = if self.pieces[index] == Piece::On { pushed.max(0.0) } else { pushed };
+    /// Takes the rest of the gradient out of f and z together. Forces of x have its rounding times the stiffness; a step that changes
+    /// them by what its own equations say does not.
+    fn polish(&mut self, frame: &Frame, step: &InequalityStep<'_>) {
+        if self.gradient.iter().all(|&entry| entry == 0.0) {
+            return;
+        }
+        let size = frame.size;
+        // The factor of the last step will do where it stands on the same pieces: what is left is small.
+        if self.pieces != self.before {
+            self.linearise(frame, step);
+            self.factorise(size);
+        }
+        self.target.copy_from_slice(&self.gradient);
+        if self.dual {
+            self.u.clear();
+            self.u.extend(self.b.chunks_exact(size).map(|row| dot_in_lanes(row, &self.target)));
+            self.factor.solve(&mut self.u);
+        } else {
+            self.factor.solve(&mut self.target);
+            self.u.clear();
+            self.u.extend(self.b.chunks_exact(size).map(|row| dot_in_lanes(row, &self.target)));
+        }
+        for (curvature, &entry) in self.curvatures.iter().zip(&self.u) {
+            let rows = curvature.first..curvature.first + curvature.dim;
+            for (index, part) in rows.zip(&curvature.entries[..curvature.dim]) {
+                let force = &mut self.f[index];
+                *force += part * entry;
+                if self.pieces[index] == Piece::On {
+                    *force = force.max(0.0);
+                }
             }
         }
     }
 
-    /// Where a whole step leads; gives whether its forces are known too.
-    fn aim(&mut self, frame: &Frame, step: &InequalityStep<'_>) -> bool {
+    /// B and u at x, and whether their rows are fewer than the coordinates.
+    fn linearise(&mut self, frame: &Frame, step: &InequalityStep<'_>) {
         let size = frame.size;
         curvatures(step, &self.x, &self.pieces, &mut self.curvatures);
         self.curvatures.retain(|curvature| {
@@ -240,37 +327,42 @@ impl Newton {
             }
             self.u.push(offset);
         }
+        self.dual = count <= size;
+        self.before.clear();
+        self.before.extend_from_slice(&self.pieces);
+    }
+
+    /// The smaller of the two factors.
+    fn factorise(&mut self, size: usize) {
+        if self.dual {
+            self.factor.of_rows(self.curvatures.len(), &self.b);
+        } else {
+            self.factor.of_columns(size, &self.b);
+        }
+    }
+
+    /// Where a whole step leads.
+    fn aim(&mut self, frame: &Frame, step: &InequalityStep<'_>) {
+        let size = frame.size;
+        self.linearise(frame, step);
+        self.factorise(size);
         self.target.fill(0.0);
-        for (index, (pushed, (&force, &piece))) in
-            self.pushed.iter_mut().zip(self.f.iter().zip(&self.pieces)).enumerate()
-        {
-            let slips = matches!(piece, Piece::SlipForward | Piece::SlipBackward);
-            *pushed = if slips { force } else { 0.0 };
-            if slips {
+        for (index, (&force, piece)) in self.f.iter().zip(&self.pieces).enumerate() {
+            if matches!(piece, Piece::SlipForward | Piece::SlipBackward) {
                 axpy(force, frame.row(index), &mut self.target);
             }
         }
-        if count > size {
-            for (&entry, row) in self.u.iter().zip(self.b.chunks_exact(size)) {
-                axpy(entry, row, &mut self.target);
+        if self.dual {
+            for (entry, row) in self.u.iter_mut().zip(self.b.chunks_exact(size)) {
+                *entry -= dot_in_lanes(row, &self.target);
             }
-            self.factor.of_columns(size, &self.b);
-            self.factor.solve(&mut self.target);
-            return false;
+            self.factor.solve(&mut self.u);
         }
-        for (entry, row) in self.u.iter_mut().zip(self.b.chunks_exact(size)) {
-            *entry -= dot_in_lanes(row, &self.target);
-        }
-        self.factor.of_rows(count, &self.b);
-        self.factor.solve(&mut self.u);
-        for ((curvature, row), &entry) in self.curvatures.iter().zip(self.b.chunks_exact(size)).zip(&self.u) {
+        for (&entry, row) in self.u.iter().zip(self.b.chunks_exact(size)) {
             axpy(entry, row, &mut self.target);
-            for (force, part) in
-                self.pushed[curvature.first..].iter_mut().zip(&curvature.entries[..curvature.dim])
-            {
-                *force += part * entry;
-            }
         }
-        true
+        if !self.dual {
+            self.factor.solve(&mut self.target);
+        }
     }
 }
