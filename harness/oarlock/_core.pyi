@@ -111,7 +111,7 @@ class ConstrainedSystem:
             constraints: number of the constraint that each row belongs to, (n).
         """
     def renew(self, unconstrained: _Numbers, aref: _Numbers) -> None:
-        """Asks the same rows again from another a₀ (nv), as other smooth forces give it: b = aref − J a₀, and A as it is.
+        """Asks the same rows again from another a₀ (nv), as other smooth forces give it: b = aref − J a₀.
 
         Raises:
             InputError: nothing was assembled, shapes, what is no finite real number.

@@ -6,6 +6,7 @@ mod given;
 mod inspect;
 mod judge;
 mod parts;
+mod renew;
 mod scale;
 
 use std::mem;
