@@ -64,9 +64,9 @@ class Answers:
         pushed = start + self._moved(data, self.inequalities.generalised_force)
         self.system.renew(pushed, aref[:ne])
         qfrc = self.system.force(self.solver.solve_system(self.system)[0])
-        self.last = pushed + self._moved(data, qfrc)
-        assert self.inequalities.certify(other @ self.last, self.inequalities.forces).holds
-        return self.last, qfrc + self.inequalities.generalised_force, report
+        self.last = found = pushed + self._moved(data, qfrc)
+        assert self.inequalities.certify(other @ found, self.inequalities.forces).holds
+        return found, qfrc + self.inequalities.generalised_force, report
 
 
 def gradient(model: mujoco.MjModel, data: mujoco.MjData) -> float:

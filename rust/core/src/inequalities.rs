@@ -10,9 +10,9 @@
 //!     soft rows e:    with ½ D_e (J_e a − aref_e)² in the sum
 //! ```
 //!
-//! It is strictly convex: there is one answer (MuJoCo documentation, *Computation*; Todorov, ICRA 2014). Its forces f_i = −∂s_i are one
-//! more smooth force to the equality rows, A_ee λ_e = b_e − A_ei f_i, so that each solver goes on answering the question that it knows:
-//! [`ConstrainedSystem::renew`] asks it.
+//! It is strictly convex: there is one answer (MuJoCo documentation, *Computation*; Todorov, ICRA 2014). Its forces
+//! f = −∂s are one more smooth force to the equality rows, whose b they change and whose A they do not, so that each solver goes on
+//! answering the question that it knows: [`ConstrainedSystem::renew`] asks it.
 //!
 //! # The method
 //!
@@ -115,7 +115,7 @@ impl Inequalities {
     /// Finds the forces of the rows beside the equality rows of `system`, which is assembled.
     ///
     /// `warm` are the forces M a − f (`nv`) of an acceleration a near the answer, that of the step before, with f the smooth
-    /// forces of this one. `whiten` multiplies rows by H, M⁻¹ = HᵀH, as in
+    /// forces of this one. `whiten` multiplies rows by H, M⁻¹ = Hᵀ H, as in
     /// [`assemble_factored`](ConstrainedSystem::assemble_factored), `warm` as the row after the last; without it the system's own factor
     /// of M does.
     ///

@@ -1,4 +1,4 @@
-//! Linear algebra on flat slices: products of small matrices, narrow symmetric factors, and where sparse rows lie.
+//! Linear algebra on flat slices: products of small matrices, reflections, narrow symmetric factors, and where sparse rows lie.
 
 pub(crate) mod kernels;
 pub(crate) mod reflections;

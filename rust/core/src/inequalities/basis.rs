@@ -66,11 +66,11 @@ impl Basis {
         self.velocities.len() - self.rank
     }
 
-    /// Finds the frame of a block; `most` is the largest entry of the diagonal of A.
-    pub(super) fn find(&mut self, parts: Parts<'_>, block: usize, most: f64) {
+    /// Finds the frame of a block, which `owners` has of every velocity; `most` is the largest entry of the diagonal of A.
+    pub(super) fn find(&mut self, parts: Parts<'_>, owners: &[Option<usize>], block: usize, most: f64) {
         let (nv, given) = (parts.nv, parts.blocks.of(block));
         self.velocities.clear();
-        self.velocities.extend((0..nv).filter(|&velocity| parts.blocks.owner(velocity) == Some(block)));
+        self.velocities.extend((0..nv).filter(|&velocity| owners[velocity] == Some(block)));
         self.soft = parts.softness.is_some();
         self.rank = 0;
         self.scale(parts, given);
@@ -167,7 +167,8 @@ impl Basis {
             return;
         }
         // Eigenvalues decide as they do in the solvers: of the rows each in its unit, and what they span of the rows as they are.
-        let graded = self.sizes.iter().any(|&size| size != 1.0);
+        // A size of 1 is exact, and so is any other power of two.
+        let graded = self.sizes.iter().any(|&size| (size - 1.0).abs() > 0.0);
         self.values.clear();
         self.turn(height, true);
         for row in self.rows.chunks_exact(count.max(1)).take(found) {

@@ -120,9 +120,10 @@ impl Notary {
         for group in step.groups {
             let dim = group.rows();
             let (mut own, mut dual) = (0.0, 0.0);
-            for index in row..row + dim {
-                let (f, x) = (forces[index], self.x[index]);
-                let spent = f * f / step.stiffness[index];
+            let rows = row..row + dim;
+            let pairs = forces[rows.clone()].iter().zip(&self.x[rows.clone()]);
+            for ((f, x), stiffness) in pairs.zip(&step.stiffness[rows]) {
+                let spent = f * f / stiffness;
                 own += f * x + spent;
                 dual += 0.5 * spent;
                 gap += f * x;

@@ -44,7 +44,7 @@ impl Piece {
     }
 }
 
-/// A row of C, where CᵀC is the Hessian of the cost of a group: the group's first row, and an entry per row.
+/// A row of C, where Cᵀ C is the Hessian of the cost of a group: the group's first row, and an entry per row.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Curvature {
     pub(super) first: usize,

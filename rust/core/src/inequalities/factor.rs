@@ -1,4 +1,4 @@
-//! Cholesky factors of E + B Bᵀ or E + BᵀB, in place; their eigenvalues are ≥ 1, so that no pivot vanishes.
+//! Cholesky factors of E + B Bᵀ or E + Bᵀ B, in place; their eigenvalues are ≥ 1, so that no pivot vanishes.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt;
@@ -28,13 +28,13 @@ impl Factor {
     /// E + B Bᵀ of the `count` rows of B.
     pub(super) fn of_rows(&mut self, count: usize, b: &[f64]) {
         self.resize(count);
-        if count > 0 {
-            gram(b.len() / count, b, &mut self.matrix);
+        if let Some(width) = b.len().checked_div(count) {
+            gram(width, b, &mut self.matrix);
         }
         self.factorise();
     }
 
-    /// E + BᵀB of the columns of B, whose rows have `width` entries.
+    /// E + Bᵀ B of the columns of B, whose rows have `width` entries.
     pub(super) fn of_columns(&mut self, width: usize, b: &[f64]) {
         self.resize(width);
         self.matrix.fill(0.0);

@@ -19,6 +19,8 @@ pub(super) struct Frame {
     /// Bases by block; those of this step are `touched`.
     bases: Vec<Basis>,
     touched: Vec<usize>,
+    /// Block of each velocity that an equality row touches.
+    owners: Vec<Option<usize>>,
     /// First coordinate of each touched block.
     firsts: Vec<usize>,
     /// Velocities of no block that a row touches; their coordinates come last.
@@ -76,13 +78,24 @@ impl Frame {
     fn touch(&mut self, system: &ConstrainedSystem) {
         let (parts, blocks) = (system.parts(), system.blocks());
         let nv = parts.nv;
+        // Blocks that are held do not follow the velocities that their rows come to touch.
+        self.owners.clear();
+        self.owners.resize(nv, None);
+        for block in 0..blocks.len() {
+            for &row in blocks.of(block) {
+                let column = &parts.whitened[row * nv..(row + 1) * nv];
+                for (owner, _) in self.owners.iter_mut().zip(column).filter(|(_, entry)| **entry != 0.0) {
+                    *owner = Some(block);
+                }
+            }
+        }
         self.touched.clear();
         self.loose.clear();
         for velocity in 0..nv {
             if self.whitened.iter().skip(velocity).step_by(nv).all(|&entry| entry == 0.0) {
                 continue;
             }
-            match blocks.owner(velocity) {
+            match self.owners[velocity] {
                 Some(block) => {
                     if !self.touched.contains(&block) {
                         self.touched.push(block);
@@ -100,7 +113,7 @@ impl Frame {
         let (mut first, mut square) = (0, 0.0_f64);
         for &block in &self.touched {
             let basis = &mut self.bases[block];
-            basis.find(parts, block, most);
+            basis.find(parts, &self.owners, block, most);
             self.firsts.push(first);
             first += basis.free();
             square = square.hypot(basis.size());
@@ -166,7 +179,7 @@ impl Frame {
             step.stiffness.iter().zip(self.offsets.iter().zip(&self.reaches)).enumerate()
         {
             let value = stiffness * (reach * reach).max(offset.abs()).max(offset * offset);
-            if !(value <= LARGEST) {
+            if value > LARGEST || value.is_nan() {
                 return Err(Error::TooLarge { what: "stiffness of inequality rows", index, value });
             }
         }

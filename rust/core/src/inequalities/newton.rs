@@ -1,11 +1,11 @@
 //! Newton's method with the exact Hessian for min ½‖z‖² + s(c + G z), and a line search that ends.
 //!
 //! All pieces of s but slip are homogeneous of degree two, so that a step from z leads to the point where z⁺ = Gᵀf⁺ with
-//! f⁺ = f_slip − CᵀC(c + G z⁺), CᵀC = ∂²s at z, whatever z was. With B = C G and u = −C c that is
+//! f⁺ = φ − Cᵀ C (c + G z⁺), where Cᵀ C = ∂²s at z and φ are the forces of rows that slip, whatever z was. With B = C G and u = −C c that is
 //!
 //! ```text
-//!     f⁺ = f_slip + Cᵀ (E + B Bᵀ)⁻¹ (u − B Gᵀ f_slip)       as many unknowns as curved rows
-//!     (E + BᵀB) z⁺ = Gᵀ f_slip + Bᵀ u                        as many unknowns as coordinates
+//!     f⁺ = φ + Cᵀ (E + B Bᵀ)⁻¹ (u − B Gᵀ φ)                 as many unknowns as curved rows
+//!     (E + BᵀB) z⁺ = Gᵀ φ + Bᵀ u                             as many unknowns as coordinates
 //! ```
 //!
 //! of which the smaller is taken. So nothing cancels that was far off at the start, and where no row changes its piece, one step ends.

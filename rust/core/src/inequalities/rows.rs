@@ -115,7 +115,8 @@ impl InequalityStep<'_> {
             let expected = self.stiffness[row] * (coefficient / mu).powi(2);
             let at = row + 1 + offset;
             let given = self.stiffness[at];
-            if !((given - expected).abs() <= CONE_TOLERANCE * expected) {
+            let off = (given - expected).abs();
+            if off > CONE_TOLERANCE * expected || expected.is_nan() {
                 return Err(range(
                     "stiffness",
                     at,

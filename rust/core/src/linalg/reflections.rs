@@ -18,7 +18,9 @@ pub(crate) fn reflector(v: &mut [f64]) -> f64 {
     v[0] -= result;
     // ‖v‖² = 2 r (r − v₀), without the sum.
     let scale = (-result * v[0]).sqrt().recip();
-    v.iter_mut().for_each(|entry| *entry *= scale);
+    for entry in v {
+        *entry *= scale;
+    }
     result
 }
 

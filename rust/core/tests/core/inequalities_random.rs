@@ -317,3 +317,74 @@ fn no_rows_cost_nothing_and_push_nothing() {
     assert_eq!((whole.report.active, whole.report.iterations, whole.report.coordinates), (0, 0, 0));
     assert!(whole.certificate.holds());
 }
+
+/// Numbers at the ends of what there is.
+const WILD: [f64; 16] = [
+    0.0,
+    -0.0,
+    1.0,
+    1e-8,
+    -1e8,
+    1e-150,
+    1e150,
+    -1e150,
+    1e-200,
+    1e200,
+    -1e300,
+    1e-308,
+    5e-324,
+    f64::NAN,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
+];
+
+#[test]
+fn wild_numbers_are_an_error_or_a_finite_answer_and_leave_nothing_behind() {
+    let (mut answered, mut refused) = (0, 0);
+    let (mut system, mut inequalities) = (ConstrainedSystem::new(), Inequalities::new());
+    let good = Touching::random(&mut Random::new(1), -1.0, 4.0);
+    let right = good.solve(&mut Inequalities::new(), "auto", None).forces;
+    for seed in 0..5 * CASES {
+        let mut random = Random::new(seed);
+        let mut case = Touching::random(&mut random, -1.0, 4.0);
+        for _ in 0..=random.below(3) {
+            let value = WILD[random.below(WILD.len())];
+            let field = match random.below(9) {
+                0 => &mut case.force,
+                1 => &mut case.equalities,
+                2 => &mut case.wanted,
+                3 | 4 => &mut case.jacobian,
+                5 | 6 => &mut case.aref,
+                7 => &mut case.stiffness,
+                _ => &mut case.loss,
+            };
+            let at = random.below(field.len());
+            field[at] = value;
+        }
+        if let Some(Group::Cone { mu, friction, .. }) = case.groups.last_mut()
+            && random.one_in(4)
+        {
+            *if random.one_in(2) { mu } else { &mut friction[0] } = WILD[random.below(WILD.len())];
+        }
+        if system.assemble(&case.smooth()).is_err() {
+            continue;
+        }
+        let start: Vec<f64> = (0..case.nv()).map(|_| WILD[random.below(WILD.len())]).collect();
+        let start = Some(start.as_slice()).filter(|_| random.one_in(2));
+        match inequalities.solve(&mut system, &case.rows(), start, None) {
+            Ok(report) => {
+                let forces = inequalities.forces().to_vec();
+                let all = forces.iter().chain(inequalities.generalised_force());
+                assert!(all.clone().all(|entry| entry.is_finite()), "{seed}: {report:?}");
+                // Rates of any size: a certificate or an error.
+                let _ = inequalities.certify(&case.aref, &forces);
+                answered += 1;
+            }
+            Err(_) => refused += 1,
+        }
+        if seed % 50 == 0 {
+            assert_eq!(good.solve_in(&mut system, &mut inequalities, "auto", None).forces, right, "{seed}");
+        }
+    }
+    assert!(answered > CASES && refused > CASES, "{answered} answered, {refused} refused");
+}

@@ -145,7 +145,7 @@ impl Touching {
         let nv = 1 + random.below(12);
         let mut case = Self { mass: mass(random, nv), ..Self::default() };
         case.force = numbers(random, nv, 10.0);
-        for index in 0..1 + random.below(8) {
+        for index in 0..=random.below(8) {
             if index > 0 && random.one_in(3) {
                 let (one, other) = (random.below(index), random.below(index));
                 let (a, b) = (random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0));
@@ -166,7 +166,7 @@ impl Touching {
             case.softness =
                 Some(case.wanted.iter().map(|_| 10.0_f64.powf(random.uniform(-6.0, 0.0))).collect());
         }
-        for _ in 0..1 + random.below(8) {
+        for _ in 0..=random.below(8) {
             case.push_random(random, low, high);
         }
         case
@@ -204,7 +204,7 @@ fn numbers(random: &mut Random, n: usize, size: f64) -> Vec<f64> {
 /// One to four entries.
 fn row(random: &mut Random, nv: usize) -> Vec<f64> {
     let mut row = vec![0.0; nv];
-    for _ in 0..1 + random.below(4) {
+    for _ in 0..=random.below(4) {
         row[random.below(nv)] = random.uniform(-1.0, 1.0);
     }
     row
