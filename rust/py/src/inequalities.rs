@@ -97,7 +97,7 @@ impl Inequalities {
     /// an elliptic cone of so many rows), with `mu` (one each) and `friction` (five each); and, to start near the answer,
     /// `warm` = H (M a − f) (nv) of an acceleration a.
     #[pyo3(signature = (system, whitened, jacobian, aref, stiffness, friction_loss, dims, mu, friction, warm=None))]
-    #[allow(clippy::too_many_arguments)] // the arrays of a step
+    #[allow(clippy::too_many_arguments, clippy::needless_pass_by_value)] // the arrays of a step, as PyO3 hands them over
     fn solve(
         &self,
         py: Python<'_>,
