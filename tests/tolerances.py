@@ -222,3 +222,18 @@ SOON_S = 2.0
 
 GONE_S = 5.0
 """s. What workers may take to end after their parent did: they look every 0.5 s, and on Linux are told at once."""
+
+# Inequality rows.
+
+WHOLE_ANSWER = 1e-8
+"""Relative to the largest entry. Accelerations and forces beside forty digits: ε times the condition of M, 1e4, and
+times a stiffness of 1e3 to 1e5 beside the inertia."""
+
+MATCHED_FORCE = 1e-9
+"""Relative. Constraint forces of a gripper beside MuJoCo's at tolerance 0: 4e-14 (measured); asked of all models."""
+
+MATCHED_ACCELERATION = 1e-8
+"""Relative to the largest entry, or rad/s². The same accelerations: 2e-12 (measured)."""
+
+SOLVED_BY_MUJOCO = 1e-12
+"""Relative. Gradient of an answer of MuJoCo's at rounding: its own stiffness, 1e4, times ε."""

@@ -1,6 +1,6 @@
 """The compiled core of oarlock: systems, solvers, laws of time, step loops."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, Self, final
 
 import numpy as np
@@ -110,6 +110,12 @@ class ConstrainedSystem:
             gaps: deviation of each row, as a part of the length that it turns on, (n).
             constraints: number of the constraint that each row belongs to, (n).
         """
+    def renew(self, unconstrained: _Numbers, aref: _Numbers) -> None:
+        """Asks the same rows again from another a₀ (nv), as other smooth forces give it: b = aref − J a₀.
+
+        Raises:
+            InputError: nothing was assembled, shapes, what is no finite real number.
+        """
     def reference(self, solver: MultiplierSolver) -> tuple[_Vector, Info]:
         """(λ, info) of the step by the direct solver that judges ``solver``.
 
@@ -133,6 +139,128 @@ class ConstrainedSystem:
         """From λ (n) to (qacc, qfrc), both nv: a₀ + M⁻¹ Jᵀ λ and Jᵀ λ."""
     def __copy__(self) -> Self: ...
     def __deepcopy__(self, _memo: dict[int, Any]) -> Self: ...
+
+@final
+class InequalityReport:
+    """The figures of one solve of the inequality rows."""
+
+    @property
+    def status(self) -> str:
+        """converged, iteration-limit or breakdown."""
+    @property
+    def iterations(self) -> int:
+        """Newton steps; 0 where the start was the answer."""
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of all rows in the line searches."""
+    @property
+    def gradient(self) -> float:
+        """Norm of the gradient that is left, relative to the forces that it is the difference of."""
+    @property
+    def active(self) -> int:
+        """Number of rows that push, all friction loss among them."""
+    @property
+    def changed(self) -> bool:
+        """Whether rows that push are others than in the solve before, or lie on other pieces."""
+    @property
+    def blocked(self) -> int:
+        """Number of rows that push against equality rows alone."""
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates that equality rows leave."""
+    @property
+    def warm(self) -> bool:
+        """Whether the start given was nearer than none."""
+    @property
+    def elapsed_ns(self) -> int:
+        """Wall time of the solve alone, in ns."""
+
+@final
+class Certificate:
+    """What proves an answer; every figure is relative."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is proved."""
+    @property
+    def gradient(self) -> float:
+        """How far forces are from those of the accelerations, in the norm of M⁻¹."""
+    @property
+    def rounding(self) -> float:
+        """The part of the same that rounding explains."""
+    @property
+    def complementarity(self) -> float:
+        """Largest product of a force and its slack beside the energies of all rows."""
+    @property
+    def gap(self) -> float:
+        """Duality gap beside the same."""
+    @property
+    def infeasibility(self) -> float:
+        """How far forces lie outside of what their rows can give."""
+
+@final
+class Inequalities:
+    """Solves the inequality rows of one step after another, and remembers which of them pushed.
+
+    One thread at a time may use it; another one gets an InputError.
+    """
+
+    def __new__(cls) -> Inequalities: ...
+    def solve(
+        self,
+        system: ConstrainedSystem,
+        whitened: _Numbers,
+        jacobian: _Numbers,
+        aref: _Numbers,
+        stiffness: _Numbers,
+        friction_loss: _Numbers,
+        dims: Sequence[int],
+        mu: _Numbers,
+        friction: _Numbers,
+        warm: _Numbers | None = None,
+    ) -> InequalityReport:
+        """Finds the forces of inequality rows beside the equality rows of ``system``, which is assembled.
+
+        Args:
+            system: equality rows, hard or soft.
+            whitened: H Jᵀ of the inequality rows, a row each, (m, nv), with M⁻¹ = Hᵀ H.
+            jacobian: J (m, nv).
+            aref: accelerations that the rows ask for, (m).
+            stiffness: D = 1/R (m).
+            friction_loss: largest force of a row of friction loss (m); of other rows it is not read.
+            dims: what the rows are, in their order: 0 a row of friction loss, 1 a unilateral row, 2 to 6 the rows of an
+                elliptic cone.
+            mu: coefficient of the regularised cone, one for each of ``dims``.
+            friction: friction coefficients of a cone, five for each of ``dims``.
+            warm: H (M a − f) (nv) of an acceleration a near the answer, f the smooth forces of this step.
+
+        Raises:
+            InputError: shapes, what is no finite real number, numbers out of range.
+        """
+    @property
+    def forces(self) -> _Vector:
+        """Forces f (m) of the last solve."""
+    @property
+    def generalised_force(self) -> _Vector:
+        """Jᵀ f (nv) of the last solve."""
+    @property
+    def pieces(self) -> NDArray[np.uint8]:
+        """The piece that each row lies on, (m).
+
+        0 free, 1 a unilateral row that pushes, 2 sticking, 3 and 4 a friction loss that slips with x < 0 and x > 0, 5 a
+        sliding contact.
+        """
+    @property
+    def blocked(self) -> list[int]:
+        """Rows that are violated and push, though no motion that the equality rows admit moves them."""
+    def certify(self, accelerations: _Numbers, forces: _Numbers) -> Certificate:
+        """What proves the forces f (m) at the accelerations J a (m) of the rows, a that of the whole answer.
+
+        Raises:
+            InputError: shapes, what is no finite real number.
+        """
+    def reset(self) -> None:
+        """Forgets all earlier steps."""
 
 @final
 class MultiplierSolver:

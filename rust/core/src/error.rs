@@ -88,6 +88,18 @@ pub enum Error {
         /// The offending value.
         value: f64,
     },
+    /// A number of an inequality row is out of its range.
+    #[error("{what}[{index}] = {value}, expected {expected}")]
+    Range {
+        /// The array's name.
+        what: &'static str,
+        /// Index of the row, or of the group of rows.
+        index: usize,
+        /// The value that was given.
+        value: f64,
+        /// The expected range.
+        expected: &'static str,
+    },
     /// No solver has this name.
     #[error("unknown solver '{name}', expected one of: {valid}")]
     UnknownSolver {

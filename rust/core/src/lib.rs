@@ -57,6 +57,7 @@
 //! |---|---|
 //! | [`problem`] | [`StepView`]: what one time step hands over (rows of J, M, f, aref, and R if the rows are soft), or a [`FactoredStep`] of who has M factored; [`Fold`](problem::Fold): zero and proportional rows taken out, exactly; [`Problem`]: what a solver then sees |
 //! | [`system`] | [`ConstrainedSystem`]: A and b of that step, and the way back from λ to a |
+//! | [`inequalities`] | [`Inequalities`]: what friction loss, limits and contacts push beside those rows |
 //! | [`registry`] | [`make_solver`] and [`SOLVERS`]: solvers by name |
 //! | [`solvers`] | [`MultiplierSolver`], the trait, and every solver in a file of its own |
 //! | [`params`], [`info`], [`error`] | what is asked, what came out, what was wrong with the input |
@@ -160,6 +161,7 @@
 #[cfg(feature = "bench")]
 pub mod bench;
 pub mod error;
+pub mod inequalities;
 pub mod info;
 mod linalg;
 pub mod params;
@@ -171,6 +173,7 @@ pub mod system;
 pub mod test_problems;
 
 pub use error::Error;
+pub use inequalities::{Group, Inequalities, InequalityReport, InequalityStep};
 pub use info::{Info, Status};
 pub use params::Options;
 pub use problem::{FactoredStep, Needs, Problem, StepView, Wanted};

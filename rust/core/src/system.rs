@@ -5,12 +5,15 @@ mod check;
 mod given;
 mod inspect;
 mod judge;
+mod parts;
+mod renew;
 mod scale;
 
 use std::mem;
 
 use self::judge::Judges;
 pub use self::judge::PROMISED;
+pub(crate) use self::parts::Parts;
 use self::scale::{exponent_of_factor, exponent_of_small, power_of_two};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 

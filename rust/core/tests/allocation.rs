@@ -7,7 +7,9 @@ use std::cell::Cell;
 use std::hint::black_box;
 
 use oarlock_core::test_problems::{NV, ROWS, boat};
-use oarlock_core::{ConstrainedSystem, MultiplierSolver, Options, SOLVERS, Wanted};
+use oarlock_core::{
+    ConstrainedSystem, Group, Inequalities, InequalityStep, MultiplierSolver, Options, SOLVERS, Wanted,
+};
 
 thread_local! {
     /// Allocations of this thread; the test harness's own threads do not count.
@@ -77,4 +79,40 @@ fn no_solver_allocates_after_its_set_up() {
             kind.name
         );
     }
+}
+
+/// The boat with friction loss on every velocity and up to as many limits, of which more or fewer are there.
+fn run_rows(inequalities: &mut Inequalities, system: &mut ConstrainedSystem, from: u32, to: u32) {
+    const MOST: usize = 2 * NV;
+    let (mut jacobian, mut groups) = ([0.0; MOST * NV], [Group::Friction; MOST]);
+    for row in 0..MOST {
+        jacobian[row * NV + row % NV] = 1.0;
+    }
+    groups[NV..].fill(Group::Unilateral);
+    for k in from..to {
+        let m = MOST - (k as usize) % NV;
+        let step = boat(1e-3 * f64::from(k));
+        system.assemble(&step.view()).expect("a good step");
+        let rows = InequalityStep {
+            jacobian: &jacobian[..m * NV],
+            aref: &[0.1; MOST][..m],
+            stiffness: &[50.0; MOST][..m],
+            friction_loss: &[0.5; MOST][..m],
+            groups: &groups[..m],
+        };
+        let report = inequalities.solve(system, &rows, Some(&[0.1; NV]), None).expect("good rows");
+        black_box(report);
+        let mut start = [0.0; NV];
+        start.copy_from_slice(system.unconstrained());
+        system.renew(&start, step.view().aref).expect("finite");
+        black_box(inequalities.certify(&[0.2; MOST][..m], &[0.3; MOST][..m]).expect("finite"));
+    }
+}
+
+#[test]
+fn inequality_rows_come_and_go_without_allocating() {
+    let (mut inequalities, mut system) = (Inequalities::new(), ConstrainedSystem::new());
+    run_rows(&mut inequalities, &mut system, 0, 40);
+    let count = allocations(|| run_rows(&mut inequalities, &mut system, 40, 40 + ROUNDS));
+    assert_eq!(count, 0, "allocations in {ROUNDS} rounds");
 }

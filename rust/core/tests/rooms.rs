@@ -7,9 +7,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The floors, top to bottom. Rooms on one floor do not know each other.
-const FLOORS: [&[&str]; 7] = [
+const FLOORS: [&[&str]; 8] = [
     &["bench"],
     &["test_problems"],
+    &["inequalities"],
     &["registry", "system"],
     &["solvers"],
     &["problem"],

@@ -4,6 +4,7 @@
 
 mod bench;
 mod convert;
+mod inequalities;
 mod solver;
 mod stepping;
 mod system;
@@ -18,6 +19,8 @@ mod _core {
     use super::bench::{bench_sizes, bench_solvers};
     #[pymodule_export]
     use super::convert::InputError;
+    #[pymodule_export]
+    use super::inequalities::{Certificate, Inequalities, InequalityReport};
     #[pymodule_export]
     use super::solver::{Info, MultiplierSolver, make_solver, solvers};
     #[pymodule_export]

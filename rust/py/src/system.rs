@@ -106,6 +106,13 @@ impl ConstrainedSystem {
         Ok(())
     }
 
+    /// Asks the same rows again from another a₀ (nv), as other smooth forces give it: b = aref − J a₀, and A as it is.
+    fn renew(&self, unconstrained: &Bound<'_, PyAny>, aref: &Bound<'_, PyAny>) -> PyResult<()> {
+        let (unconstrained, aref) = (vector("unconstrained", unconstrained)?, vector("aref", aref)?);
+        let inner = &mut *self.take()?;
+        inner.renew(unconstrained.as_slice()?, aref.as_slice()?).map_err(input_error)
+    }
+
     /// (λ, info) by the direct solver that judges `solver`.
     fn reference<'py>(
         &self,

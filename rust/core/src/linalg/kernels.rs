@@ -63,6 +63,19 @@ pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(a, b)| a * b).sum()
 }
 
+/// x · y, summed in four lanes: a chain of sums would wait for each.
+#[inline]
+pub(crate) fn dot_in_lanes(x: &[f64], y: &[f64]) -> f64 {
+    let ((x, x_rest), (y, y_rest)) = (x.as_chunks::<4>(), y.as_chunks::<4>());
+    let mut lanes = [0.0; 4];
+    for (x, y) in x.iter().zip(y) {
+        for (lane, (a, b)) in lanes.iter_mut().zip(x.iter().zip(y)) {
+            *lane += a * b;
+        }
+    }
+    (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]) + dot(x_rest, y_rest)
+}
+
 /// ‖x‖, summed in four lanes: a chain of sums would wait for each.
 #[inline]
 pub(crate) fn norm(x: &[f64]) -> f64 {

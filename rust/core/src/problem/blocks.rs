@@ -143,6 +143,11 @@ impl Blocks {
         self.holding && self.held[block].is_some()
     }
 
+    /// Whether a block is to hold less than a rank, or nobody has decided how much.
+    pub(crate) fn holds_less(&self, block: usize, rank: usize) -> bool {
+        self.holding && self.held[block].is_none_or(|held| held < rank)
+    }
+
     /// Tells whether a held rank rose in this step.
     #[must_use]
     pub const fn has_risen(&self) -> bool {
@@ -201,6 +206,20 @@ impl Blocks {
     /// is no more than the square of what counts as a zero row beside it is rounding. Rows come apart by an exact zero
     /// where a mechanism passes through a singular pose, too.
     pub fn decide(&mut self, block: usize, values: &[f64], rank_cut: f64, most: f64) -> usize {
+        let rank = self.rank(block, values, rank_cut, most);
+        if self.holding {
+            let held = self.held[block];
+            if held.is_none_or(|held| rank > held) {
+                self.risen |= held.is_some();
+                self.held[block] = Some(rank);
+            }
+        }
+        rank
+    }
+
+    /// The rank that [`decide`](Self::decide) would decide, without holding it.
+    #[must_use]
+    pub fn rank(&self, block: usize, values: &[f64], rank_cut: f64, most: f64) -> usize {
         let scale = largest(values);
         let nothing = (FOLD_TOLERANCE * FOLD_TOLERANCE * most).max(f64::MIN_POSITIVE);
         let above = |part: f64| {
@@ -217,10 +236,7 @@ impl Blocks {
                 let explained = self.explained(block, rank_cut);
                 let at_start = AT_START.max(rank_cut);
                 let standing = above(if held.is_none() { explained.min(at_start) } else { explained });
-                let rank = standing.max(held.unwrap_or(0));
-                self.risen |= held.is_some_and(|held| rank > held);
-                self.held[block] = Some(rank);
-                rank
+                standing.max(held.unwrap_or(0))
             }
         }
     }

@@ -7,6 +7,8 @@ mod claims_boat;
 mod every_solver;
 mod fold;
 mod frozen_counts;
+mod inequalities;
+mod inequalities_random;
 mod narrow;
 mod near_the_cut;
 mod options;

@@ -4,6 +4,7 @@
 #![allow(dead_code)] // each test file uses its own part
 
 pub mod change;
+pub mod contacts;
 pub mod trace;
 
 use std::iter::repeat_n;

@@ -1,0 +1,331 @@
+//! The frame of one block of equality rows, in which exact rows fix coordinates and soft rows are part of the metric.
+//!
+//! With W of the block (its velocities × its rows, whitened) = Q R, the acceleration is y = Q (η, ζ):
+//!
+//! ```text
+//!     exact rows:   η is fixed by Rᵀ η = b in the least-squares sense, ζ is free, and ½‖y‖² = ½‖η‖² + ½‖ζ‖²
+//!     soft rows:    ½‖η‖² + ½(Rᵀη − b)ᵀ D (Rᵀη − b) = ½‖T(η − η*)‖² + a constant,  TᵀT = E + R D Rᵀ
+//! ```
+//!
+//! So a row w is (Qᵀw) with its fixed part taken into an offset, or multiplied by T⁻ᵀ, and nothing else of the equality rows is left.
+//! T and η* come from one orthogonal factorisation of (√D Rᵀ; E) with heavy rows first, which does not form products whose sums
+//! would lose the light ones (Powell and Reid 1969).
+
+use crate::linalg::kernels::{dot_in_lanes, norm};
+use crate::linalg::reflections::{
+    orthogonalise, reflect, reflector, solve_upper, solve_upper_tr, triangularise,
+};
+use crate::problem::FOLD_TOLERANCE;
+use crate::solvers::RANK_CUT;
+use crate::system::Parts;
+
+/// What is left of columns after this many rounding errors of the largest is nothing.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// The rank is clear where the smallest pivot kept is this many times the cut; see `auto`.
+const CLEAR: f64 = 32.0;
+
+/// Constraints of a block whose sizes differ by more are measured each in its own unit, as eigenvalues are.
+const GRADED: f64 = 100.0;
+
+/// A soft row that is stiffer than this against its own inertia is taken as this stiff: R is lost in A + R below ε A.
+const STIFFEST: f64 = f64::EPSILON * f64::EPSILON;
+
+/// The frame of one block and its workspace, which grows and never shrinks.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Basis {
+    /// Velocities of the block, in rising order.
+    pub(super) velocities: Vec<usize>,
+    /// η*, in the units of y.
+    fixed: Vec<f64>,
+    /// Reflectors below, R above the diagonal; columns of W.
+    factor: Vec<f64>,
+    diagonal: Vec<f64>,
+    order: Vec<usize>,
+    /// Uᵀ of the left singular vectors of R, row by row, longest first; empty where the first rows of R are those that count.
+    turns: Vec<f64>,
+    /// Rows of R, turned.
+    rows: Vec<f64>,
+    /// Number of coordinates that exact rows fix.
+    rank: usize,
+    soft: bool,
+    /// T and its diagonal; rows of it.
+    metric: Vec<f64>,
+    metric_diagonal: Vec<f64>,
+    metric_rows: usize,
+    sizes: Vec<f64>,
+    values: Vec<f64>,
+    weights: Vec<f64>,
+    work: Vec<f64>,
+    sorted: Vec<usize>,
+}
+
+impl Basis {
+    /// Number of coordinates that are left.
+    pub(super) fn free(&self) -> usize {
+        self.velocities.len() - self.rank
+    }
+
+    /// Finds the frame of a block, which `owners` has of every velocity; `most` is the largest entry of the diagonal of A.
+    pub(super) fn find(&mut self, parts: Parts<'_>, owners: &[Option<usize>], block: usize, most: f64) {
+        let (nv, given) = (parts.nv, parts.blocks.of(block));
+        self.velocities.clear();
+        self.velocities.extend((0..nv).filter(|&velocity| owners[velocity] == Some(block)));
+        self.soft = parts.softness.is_some();
+        self.rank = 0;
+        self.scale(parts, given);
+        let height = self.velocities.len();
+        self.factor.clear();
+        for (&row, &size) in given.iter().zip(&self.sizes) {
+            let column = &parts.whitened[row * nv..(row + 1) * nv];
+            self.factor.extend(self.velocities.iter().map(|&velocity| column[velocity] * size));
+        }
+        let trace = dot_in_lanes(&self.factor, &self.factor);
+        self.order.clear();
+        self.order.extend(0..given.len());
+        self.triangularise(height, trace);
+        self.turns.clear();
+        if self.soft {
+            self.weigh(parts, given, height);
+        } else {
+            self.decide(parts, (block, most), height, trace);
+            self.fix(parts, given, height);
+        }
+        self.fixed.iter_mut().for_each(|entry| *entry *= parts.unit);
+    }
+
+    /// Powers of two that bring constraints of very different size to one; exact rows only.
+    fn scale(&mut self, parts: Parts<'_>, rows: &[usize]) {
+        let diagonal = |row: usize| {
+            let column = &parts.whitened[row * parts.nv..(row + 1) * parts.nv];
+            dot_in_lanes(column, column)
+        };
+        if !self.soft && parts.blocks.sizes(rows, diagonal, &mut self.sizes) > GRADED {
+            let near_inverse_root =
+                |size: f64| if size > f64::MIN_POSITIVE { (-0.5 * size.log2()).round().exp2() } else { 1.0 };
+            self.sizes.iter_mut().for_each(|size| *size = near_inverse_root(*size));
+        } else {
+            self.sizes.clear();
+            self.sizes.resize(rows.len(), 1.0);
+        }
+    }
+
+    /// W Π = Q R with the longest of the columns that are left next, until they are rounding.
+    fn triangularise(&mut self, height: usize, trace: f64) {
+        self.diagonal.clear();
+        let count = self.order.len();
+        for step in 0..height.min(count) {
+            let left = |col: usize| {
+                let column = &self.factor[col * height + step..(col + 1) * height];
+                dot_in_lanes(column, column)
+            };
+            let (mut longest, mut most) = (step, 0.0);
+            for col in step..count {
+                let square = left(col);
+                if square > most {
+                    (longest, most) = (col, square);
+                }
+            }
+            if most <= (ROUNDING * ROUNDING * trace).max(f64::MIN_POSITIVE) {
+                break;
+            }
+            if longest != step {
+                let (low, high) = self.factor.split_at_mut(longest * height);
+                low[step * height..(step + 1) * height].swap_with_slice(&mut high[..height]);
+                self.order.swap(step, longest);
+            }
+            let (own, rest) = self.factor[step * height..].split_at_mut(height);
+            let v = &mut own[step..];
+            self.diagonal.push(reflector(v));
+            for other in rest.chunks_exact_mut(height) {
+                reflect(v, &mut other[step..]);
+            }
+        }
+    }
+
+    /// An entry of R, in the units of the rows.
+    fn entry(&self, height: usize, row: usize, col: usize) -> f64 {
+        let entry = match row.cmp(&col) {
+            std::cmp::Ordering::Less => self.factor[col * height + row],
+            std::cmp::Ordering::Equal => self.diagonal[row],
+            std::cmp::Ordering::Greater => 0.0,
+        };
+        entry / self.sizes[self.order[col]]
+    }
+
+    /// How many coordinates are fixed, and which.
+    fn decide(&mut self, parts: Parts<'_>, (block, most): (usize, f64), height: usize, trace: f64) {
+        let (found, count) = (self.diagonal.len(), self.order.len());
+        let unit = self.sizes.iter().fold(f64::INFINITY, |unit, size| unit.min(size * size));
+        // What was left after the last pivot is rounding.
+        if let Some(last) = self.diagonal.last()
+            && last * last > CLEAR * RANK_CUT * trace
+            && trace > FOLD_TOLERANCE * most * unit
+            && !parts.blocks.holds_less(block, found)
+        {
+            self.rank = found;
+            return;
+        }
+        // Eigenvalues decide as they do in the solvers: of the rows each in its unit, and what they span of the rows as they are.
+        // A size of 1 is exact, and so is any other power of two.
+        let graded = self.sizes.iter().any(|&size| (size - 1.0).abs() > 0.0);
+        self.values.clear();
+        self.turn(height, true);
+        for row in self.rows.chunks_exact(count.max(1)).take(found) {
+            self.values.push(dot_in_lanes(row, row));
+        }
+        self.values.resize(count, 0.0);
+        let rank = parts.blocks.rank(block, &self.values, RANK_CUT, most * unit);
+        self.rank = rank.min(found);
+        if graded {
+            self.turn(height, false);
+        }
+        self.sort(count);
+    }
+
+    /// Turns the rows of R, scaled or not, until they are orthogonal.
+    fn turn(&mut self, height: usize, scaled: bool) {
+        let (found, count) = (self.diagonal.len(), self.order.len());
+        self.rows.clear();
+        for row in 0..found {
+            for col in 0..count {
+                let size = if scaled { self.sizes[self.order[col]] } else { 1.0 };
+                self.rows.push(self.entry(height, row, col) * size);
+            }
+        }
+        self.turns.clear();
+        self.turns.resize(found * found, 0.0);
+        (0..found).for_each(|i| self.turns[i * found + i] = 1.0);
+        orthogonalise(found, count, &mut self.rows, &mut self.turns);
+    }
+
+    /// Puts the longest rows first.
+    fn sort(&mut self, count: usize) {
+        let found = self.diagonal.len();
+        for place in 0..found {
+            let length = |row: usize| {
+                let row = &self.rows[row * count..(row + 1) * count];
+                dot_in_lanes(row, row)
+            };
+            let longest =
+                (place..found).fold(place, |best, row| if length(row) > length(best) { row } else { best });
+            if longest != place {
+                (0..count).for_each(|col| self.rows.swap(place * count + col, longest * count + col));
+                (0..found).for_each(|col| self.turns.swap(place * found + col, longest * found + col));
+            }
+        }
+    }
+
+    /// η* of exact rows: Rᵀ η = b in the least-squares sense.
+    fn fix(&mut self, parts: Parts<'_>, given: &[usize], height: usize) {
+        let (rank, count) = (self.rank, given.len());
+        self.fixed.clear();
+        self.work.clear();
+        self.work.extend(self.order.iter().map(|&index| parts.rhs[given[index]]));
+        if rank == count && self.turns.is_empty() {
+            // As many as rows: forward substitution with Rᵀ.
+            for row in 0..rank {
+                let known: f64 = (0..row).map(|k| self.entry(height, k, row) * self.fixed[k]).sum();
+                self.fixed.push((self.work[row] - known) / self.entry(height, row, row));
+            }
+            return;
+        }
+        self.metric.clear();
+        for row in 0..rank {
+            for col in 0..count {
+                let entry = if self.turns.is_empty() {
+                    self.entry(height, row, col)
+                } else {
+                    self.rows[row * count + col]
+                };
+                self.metric.push(entry);
+            }
+        }
+        triangularise(count, &mut self.metric, &mut self.metric_diagonal, &mut self.work);
+        solve_upper(count, &self.metric, &self.metric_diagonal, &mut self.work);
+        self.fixed.extend_from_slice(&self.work[..rank]);
+    }
+
+    /// T and η* of soft rows.
+    fn weigh(&mut self, parts: Parts<'_>, given: &[usize], height: usize) {
+        let (found, count) = (self.diagonal.len(), given.len());
+        let Some(softness) = parts.softness else { return };
+        self.weights.clear();
+        for (col, &index) in self.order.iter().enumerate() {
+            let row = given[index];
+            let square: f64 = (0..found).map(|k| self.entry(height, k, col).powi(2)).sum();
+            let floor = (STIFFEST * square).max(f64::MIN_POSITIVE);
+            self.weights.push(softness[row].max(floor).sqrt().recip());
+        }
+        self.sorted.clear();
+        self.sorted.extend(0..count);
+        // Pivots come in falling order already: only weights are left to sort by.
+        self.sorted.sort_unstable_by(|&a, &b| self.weights[b].total_cmp(&self.weights[a]).then(a.cmp(&b)));
+        self.metric_rows = count + found;
+        self.metric.clear();
+        for k in 0..found {
+            for &col in &self.sorted {
+                self.metric.push(self.weights[col] * self.entry(height, k, col));
+            }
+            self.metric.extend((0..found).map(|other| f64::from(u8::from(other == k))));
+        }
+        self.work.clear();
+        for &col in &self.sorted {
+            self.work.push(self.weights[col] * parts.rhs[given[self.order[col]]]);
+        }
+        self.work.resize(count + found, 0.0);
+        let rows = self.metric_rows;
+        triangularise(rows, &mut self.metric, &mut self.metric_diagonal, &mut self.work);
+        solve_upper(rows, &self.metric, &self.metric_diagonal, &mut self.work);
+        self.fixed.clear();
+        self.fixed.extend_from_slice(&self.work[..found]);
+    }
+
+    /// Brings a vector of the block's velocities into the frame, Qᵀ w; its first coordinates are η's.
+    fn turn_into(&mut self, w: &mut [f64]) {
+        let (height, found) = (w.len(), self.diagonal.len());
+        for col in 0..found {
+            reflect(&self.factor[col * height + col..(col + 1) * height], &mut w[col..]);
+        }
+        if !self.turns.is_empty() {
+            self.work.clear();
+            self.work.extend_from_slice(&w[..found]);
+            for (entry, turn) in w.iter_mut().zip(self.turns.chunks_exact(found)) {
+                *entry = dot_in_lanes(turn, &self.work);
+            }
+        }
+    }
+
+    /// Brings a row into the frame, `w` (the block's velocities) to the coordinates that are left, `row`; gives its offset w · y*.
+    pub(super) fn take_row(&mut self, w: &mut [f64], row: &mut [f64]) -> f64 {
+        self.turn_into(w);
+        let offset = dot_in_lanes(&w[..self.fixed.len()], &self.fixed);
+        if self.soft {
+            let found = self.metric_diagonal.len();
+            solve_upper_tr(self.metric_rows, &self.metric, &self.metric_diagonal, &mut w[..found]);
+        }
+        row.copy_from_slice(&w[self.rank..]);
+        offset
+    }
+
+    /// The coordinates of an acceleration y of the block's velocities.
+    pub(super) fn take_point(&mut self, y: &mut [f64], point: &mut [f64]) {
+        self.turn_into(y);
+        if self.soft {
+            let (found, rows) = (self.metric_diagonal.len(), self.metric_rows);
+            for (entry, fixed) in y.iter_mut().zip(&self.fixed) {
+                *entry -= fixed;
+            }
+            for row in 0..found {
+                let rest: f64 = (row + 1..found).map(|col| self.metric[col * rows + row] * y[col]).sum();
+                y[row] = self.metric_diagonal[row] * y[row] + rest;
+            }
+        }
+        point.copy_from_slice(&y[self.rank..]);
+    }
+
+    /// ‖y*‖.
+    pub(super) fn size(&self) -> f64 {
+        norm(&self.fixed)
+    }
+}

@@ -1,0 +1,153 @@
+//! What proves an answer, from the accelerations that came out in the end.
+//!
+//! With forces f of the inequality rows, equality multipliers and acceleration a of the same step, everything holds but f = −∂s(J a − aref).
+//! How far that is off is measured in three ways: as the gradient that is left, as the complementarity of each row, and as the
+//! gap of the dual problem, which for convex costs is the sum of
+//!
+//! ```text
+//!     s(x) + s*(−f) + f x ≥ 0,    s*(−f) = ½ f²/D within |f| ≤ η, f ≥ 0, or the friction cone; else infinite,
+//! ```
+//!
+//! zero where f = −∂s(x) and nowhere else (Fenchel). They bound the distance from the one answer: the objective is strongly convex
+//! in the norm of M.
+
+use super::costs::{Piece, evaluate};
+use super::frame::Frame;
+use super::rows::{Group, InequalityStep};
+use crate::error::{Error, check_finite, check_len};
+use crate::linalg::kernels::norm;
+
+/// Largest gradient of a certified answer, relative to the forces: what the promise of an acceleration, 1e-6 of its largest entry, leaves room
+/// for where the stiffness of a row is what its inertia asks for.
+pub const GRADIENT: f64 = 1e-6;
+
+/// Largest complementarity and gap, relative to the energies that they are differences of. They are of second order in the
+/// error of x where a row pushes, of first order where it only just does.
+pub const GAP: f64 = 1e-6;
+
+/// Rounding errors of x relative to the sizes that it is the difference of; times the stiffness they are what no gradient can be
+/// below. An acceleration comes out of two solves with M, whose condition of 1e4 and more leaves its part.
+pub const ROUNDING: f64 = 1e4 * f64::EPSILON;
+
+/// The figures of an answer; all are relative and 0 where it is exact.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Certificate {
+    /// √Σ‖w‖²(f + ∂s(x))² over the forces' size, w the whitened rows: the gradient in the norm of M⁻¹.
+    pub gradient: f64,
+    /// The part of the same that rounding of x explains.
+    pub rounding: f64,
+    /// Largest product of a force and its slack beside the energies of all rows.
+    pub complementarity: f64,
+    /// Duality gap beside the same.
+    pub gap: f64,
+    /// How far forces lie outside of what their rows can give (|f| ≤ η, f ≥ 0, the friction cone), relative to the largest.
+    pub infeasibility: f64,
+}
+
+impl Certificate {
+    /// Whether the answer is proved: [`GRADIENT`], [`GAP`].
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.gradient <= GRADIENT + self.rounding
+            && self.complementarity <= GAP + self.rounding
+            && self.gap <= GAP + self.rounding
+            && self.infeasibility <= GAP + self.rounding
+    }
+}
+
+/// What a certificate is made with; grows and never shrinks.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Notary {
+    x: Vec<f64>,
+    f: Vec<f64>,
+    pieces: Vec<Piece>,
+}
+
+impl Notary {
+    /// The figures of the forces f (`m`) at J a (`m`).
+    ///
+    /// # Errors
+    /// [`Error::Shape`], [`Error::NonFinite`].
+    pub(super) fn certify(
+        &mut self,
+        frame: &Frame,
+        step: &InequalityStep<'_>,
+        rates: &[f64],
+        forces: &[f64],
+    ) -> Result<Certificate, Error> {
+        let m = step.aref.len();
+        check_len("accelerations of the rows", rates.len(), &[m])?;
+        check_len("forces of the rows", forces.len(), &[m])?;
+        check_finite("accelerations of the rows", rates)?;
+        check_finite("forces of the rows", forces)?;
+        self.x.clear();
+        self.x.extend(rates.iter().zip(step.aref).map(|(rate, aref)| rate - aref));
+        self.f.resize(m, 0.0);
+        self.pieces.resize(m, Piece::Free);
+        let cost = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
+        check_finite("forces of the rows", &self.f)?;
+
+        let (mut off, mut noise, mut size) = (0.0_f64, 0.0_f64, frame.fixed);
+        for (length, force) in frame.lengths.iter().zip(forces) {
+            size = size.hypot(length * force);
+        }
+        for row in 0..m {
+            let length = frame.lengths[row];
+            off = off.hypot(length * (forces[row] - self.f[row]));
+            if self.pieces[row].is_curved() {
+                let terms = frame.terms[row] + rates[row].abs() + length * size;
+                noise = noise.hypot(length * step.stiffness[row] * ROUNDING * terms);
+            }
+        }
+        let (energy, complementarity, gap, outside) = self.gaps(step, forces, cost);
+        let relative = |value: f64, scale: f64| if value > 0.0 { value / scale } else { 0.0 };
+        Ok(Certificate {
+            gradient: relative(off, size),
+            rounding: relative(noise, size),
+            complementarity: relative(complementarity, energy),
+            gap: relative(gap, energy),
+            infeasibility: relative(
+                outside,
+                forces.iter().fold(0.0_f64, |most, force| most.max(force.abs())),
+            ),
+        })
+    }
+
+    /// Energies, largest complementarity, gap and infeasibility of all groups.
+    fn gaps(&self, step: &InequalityStep<'_>, forces: &[f64], cost: f64) -> (f64, f64, f64, f64) {
+        let (mut row, mut energy, mut gap) = (0, cost, cost);
+        let (mut complementarity, mut outside) = (0.0_f64, 0.0_f64);
+        for group in step.groups {
+            let dim = group.rows();
+            let (mut own, mut dual) = (0.0, 0.0);
+            let rows = row..row + dim;
+            let pairs = forces[rows.clone()].iter().zip(&self.x[rows.clone()]);
+            for ((f, x), stiffness) in pairs.zip(&step.stiffness[rows]) {
+                let spent = f * f / stiffness;
+                own += f * x + spent;
+                dual += 0.5 * spent;
+                gap += f * x;
+                energy += (f * x).abs() + spent;
+            }
+            gap += dual;
+            match group {
+                Group::Friction => {
+                    let (f, loss) = (forces[row], step.friction_loss[row]);
+                    outside = outside.max(f.abs() - loss);
+                    // The slack of slipping against the room that the force has left.
+                    own = (loss - f.abs()).max(0.0) * (self.x[row] + f / step.stiffness[row]);
+                }
+                Group::Unilateral => outside = outside.max(-forces[row]),
+                Group::Cone { friction, .. } => {
+                    let tangent: [f64; 5] = std::array::from_fn(|j| {
+                        if j + 1 < dim { forces[row + 1 + j] / friction[j] } else { 0.0 }
+                    });
+                    outside = outside.max(norm(&tangent) - forces[row]);
+                }
+            }
+            complementarity = complementarity.max(own.abs());
+            row += dim;
+        }
+        (energy, complementarity, gap.abs(), outside)
+    }
+}
