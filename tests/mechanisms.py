@@ -52,6 +52,59 @@ def four_bar(*, joint: str = "", rocker: str = "", pivot: str = "0.7 0 0", body:
 </mujoco>"""
 
 
+def gripper(*, cone: str = "elliptic", condim: int = 3, option: str = "", flags: str = "") -> str:
+    """A planar gripper of two four-bars and a mimic joint, which closes on a block that stands aside on a table.
+
+    Fingers rub (friction loss of joints, and of a tendon with a limit), their idle bars have limits that they come to;
+    contacts of ``condim``, cones of kind ``cone``. Two connects and a joint equality, 7 rows of rank 5; nv 12.
+    """
+
+    def finger(side: str, sign: int) -> str:
+        return f"""
+      <body name="{side}_drive" pos="{sign * 0.03} 0 -0.012">
+        <joint name="{side}_drive" frictionloss="0.02"/><geom fromto="0 0 0 {sign * 0.02} 0 -0.05"/>
+        <body name="{side}_tip" pos="{sign * 0.02} 0 -0.05">
+          <joint name="{side}_tip" frictionloss="0.01"/><geom fromto="0 0 0 {-sign * 0.012} 0 0"/>
+          <geom class="touching" type="box" size="0.003 0.01 0.016" pos="{-sign * 0.006} 0 -0.03"/>
+          <site name="{side}" pos="{-sign * 0.006} 0 -0.03"/>
+        </body>
+      </body>
+      <body name="{side}_idle" pos="{sign * 0.018} 0 -0.012">
+        <joint name="{side}_idle" limited="true" range="{"-20 60" if sign < 0 else "-60 20"}"/>
+        <geom fromto="0 0 0 {sign * 0.02} 0 -0.05"/>
+      </body>"""
+
+    return f"""
+<mujoco>
+  <option timestep="0.002" cone="{cone}" impratio="{10 if cone == "elliptic" else 1}" {option}>
+    <flag {flags}/>
+  </option>
+  <default>
+    <joint type="hinge" axis="0 1 0" damping="0.01" armature="0.0005"/>
+    <geom type="capsule" size="0.004" mass="0.02" contype="0" conaffinity="0"/>
+    <default class="touching">
+      <geom contype="1" conaffinity="1" condim="{condim}" friction="0.8 0.005 0.0001" mass="0.01"/>
+    </default>
+  </default>
+  <worldbody>
+    <body name="palm" pos="0 0 0.3">{finger("l", -1)}{finger("r", 1)}</body>
+    <body name="block" pos="0.008 0 0.2">
+      <freejoint/><geom class="touching" type="box" size="0.02 0.02 0.02" mass="0.08"/>
+    </body>
+    <geom class="touching" type="box" size="0.2 0.2 0.02" pos="0 0 0.16"/>
+  </worldbody>
+  <tendon>
+    <spatial name="width" limited="true" range="0.03 0.1" frictionloss="0.05"><site site="l"/><site site="r"/></spatial>
+  </tendon>
+  <equality>
+    <connect name="l_pin" body1="l_idle" body2="l_tip" anchor="-0.02 0 -0.05"/>
+    <connect name="r_pin" body1="r_idle" body2="r_tip" anchor="0.02 0 -0.05"/>
+    <joint name="mimic" joint1="r_drive" joint2="l_drive" polycoef="0 -1 0 0 0"/>
+  </equality>
+  <actuator><position name="close" joint="l_drive" kp="8" forcerange="-3 3"/></actuator>
+</mujoco>"""
+
+
 def parallelogram() -> str:
     """A planar four-bar of two equal pairs of bars: lying flat, twice a turn, its rows are of rank 1 instead of 2."""
     return """

@@ -127,6 +127,8 @@ class ConstrainedSystem:
 
         ``reference`` is the acceleration (nv) of the reference's multipliers.
         """
+    def doubt(self, info: Info) -> Info:
+        """The figures of a solve that converged, as inaccurate: what goes with it is not proved."""
     def force(self, multipliers: _Numbers) -> _Vector:
         """Jᵀ λ (nv) of λ (n)."""
     @property
@@ -320,6 +322,7 @@ class Setup:
         k: float,
         observed: tuple[str, int] | None,
         conserved: bool,
+        inequalities: bool,
         snapshots: list[int],
     ) -> Setup:
         """Of an ``MjModel``: positions (nq), velocities (nv), laws of actuators by number, Baumgarte's 1/s and 1/s².

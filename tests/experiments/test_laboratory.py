@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from mechanisms import INTEGRATORS, boat_copy, four_bar, frames_of, only, relative, write_model
 from oarlock import InputError, RunOptions, run
+from oarlock.base.errors import RefusedError
 from oarlock.experiments.outcome import glance
 from oarlock.mechanics.bounds import HUGE
+from oarlock.stepping.native_path import NativePath
 from tolerances import (
     CALIBRATION,
     ENERGY_DRIFT,
@@ -219,10 +221,13 @@ def test_a_state_beyond_mujocos_bound_ends_the_run_with_its_time(tmp_path, stepp
     assert set(glance(row)[2:]) == {None}
 
 
-def test_row_that_becomes_active_ends_the_run_and_keeps_the_finished_ones(tmp_path):
-    toml = 'title = "stop"\nstart.qpos.crank = 1.0\nrun.duration_s = 1.0'
-    path = write_model(tmp_path / "model", four_bar(rocker='range="-1 0.2"'), toml)
-    with pytest.raises(InputError, match=r"limit of joint 'rocker' is active at t = 0\.\d+ s"):
+def test_a_run_that_must_not_be_keeps_the_finished_ones(tmp_path, monkeypatch):
+    def refuse(*_given):
+        raise RefusedError("not like this")
+
+    monkeypatch.setattr(NativePath, "free", refuse)
+    path = write_model(tmp_path / "model", four_bar(), 'title = "stop"\nrun.duration_s = 0.1')
+    with pytest.raises(InputError, match="not like this"):
         run(path, mode="free", solver="pinv", out=tmp_path / "out")
     assert [path.name for path in (tmp_path / "out" / "steps").iterdir()] == ["calibration-mujoco-rk4.parquet"]
 

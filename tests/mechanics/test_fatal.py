@@ -22,20 +22,27 @@ def short_of_memory(memory):
     return text.replace("<worldbody>", f"<worldbody>{floor}{BOXES}", 1)
 
 
+NEW = ("new", "fresh", "--to", ".")
+COMMANDS = [
+    ("run",),
+    ("run", "--ignore-inequalities", "--mode", "free", "--duration", "0.01"),
+    ("check", "--budget", "0", "--duration", "0.1"),
+    ("suite", "--jobs", "1"),
+    NEW,
+]
+
+
+def _tried(memory, arguments):
+    # With memory enough, a case of 36 boxes takes minutes to measure.
+    marks = [pytest.mark.slow] if arguments is NEW and memory in ("5M", "600K") else []
+    return pytest.param(memory, arguments, id=f"{memory}-{'-'.join(arguments[:2])}", marks=marks)
+
+
 @pytest.mark.parametrize(
-    "arguments",
-    [
-        ("run",),
-        ("run", "--ignore-inequalities", "--mode", "free", "--duration", "0.01"),
-        ("check", "--budget", "0", "--duration", "0.1"),
-        ("suite", "--jobs", "1"),
-        ("new", "fresh", "--to", "."),
-    ],
-    ids=lambda arguments: "-".join(arguments[:2]),
+    ("memory", "arguments"), [_tried(memory, one) for memory in ("5M", "600K", "40K", "1K") for one in COMMANDS]
 )
-@pytest.mark.parametrize("memory", ["5M", "600K", "40K", "1K"])
-def test_commands(tmp_path, oarlock_here, arguments, memory):
-    path = write_model(tmp_path / "memory", short_of_memory(memory))
+def test_commands(tmp_path, oarlock_here, memory, arguments):
+    path = write_model(tmp_path / "memory", short_of_memory(memory), 'title = "m"\nrun.duration_s = 0.004\n')
     command, *rest = arguments
     finished = oarlock_here(
         command, *(rest[:1] if command == "new" else ()), path, *(rest[1:] if command == "new" else rest)

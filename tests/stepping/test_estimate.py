@@ -12,6 +12,9 @@ SWUNG = 'title = "swung"\nstart.qvel.crank = 6.0\nbaumgarte = { beta = 20.0, k =
 FINER = 16
 """Its errors are a hundredth of those that are told of a run of the first order, and nothing for one of the fourth."""
 
+RIGID = ("scissor_lift", "standing_leg")
+"""Whose truth stands on a rigid floor: what they are off by is the floor's softness, which is no error of the run."""
+
 
 def exact(path, **asked):
     results = run(path, mode="free", form="hard", solver="auto", **asked)
@@ -32,7 +35,7 @@ def test_the_estimate_is_the_error(tmp_path, integrator, stabilisation):
 
 
 @pytest.mark.parametrize("stabilisation", ["projection", "baumgarte"])
-@pytest.mark.parametrize("name", [name for name in model_names() if load_case(name).file.truth is not None])
+@pytest.mark.parametrize("name", [name for name in model_names() if load_case(name).file.truth and name not in RIGID])
 def test_the_estimate_of_what_a_truth_speaks_of(name, stabilisation):
     duration = min(0.5, load_case(name).file.run.duration_s)
     row, _ = exact(name, stabilisation=stabilisation, duration=duration)

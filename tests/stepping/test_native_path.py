@@ -9,14 +9,12 @@ import mujoco
 import numpy as np
 import oarlock._core as _core
 import oarlock.stepping.prepared
-import polars as pl
 import pytest
 from mechanisms import TANGLE, case_of, four_bar, write_model
 from oarlock import InputError, run
-from oarlock.cases.case import Case, load_case, model_names, variant_names
+from oarlock.cases.case import load_case, model_names, variant_names
 from oarlock.cases.conditions import Conditions
 from oarlock.experiments.laboratory import Laboratory
-from oarlock.experiments.options import Stepping
 from oarlock.experiments.task import Task
 from oarlock.mechanics.load import collected_warnings
 from oarlock.stepping import native_path
@@ -24,12 +22,10 @@ from oarlock.stepping.solvers import SolverSpec
 from oarlock.stepping.start import ConsistentStart
 from oarlock.stepping.walkers import LOST
 from oarlock.tables.spool import Spool
+from walks import require_equal, walked
 
 STEPS, MANY_STEPS = 200, 2000
 FEW_STEPS = 150
-TIMES = ("step_us", "solve_ns")
-"""What no two runs agree in."""
-
 LARGE = 40
 """Velocities of a model beyond which 200 steps in Python take many seconds."""
 
@@ -42,6 +38,7 @@ GIVEN = {
     "k": 0.0,
     "observed": None,
     "conserved": False,
+    "inequalities": False,
     "snapshots": [],
 }
 """What a core's setup of a four-bar is made of."""
@@ -54,22 +51,6 @@ EVERY_KIND = [
     Task("free", MUJOCO, ("matched", "hard"), (MUJOCO, AUTO), "implicit", "default"),
     Task("free", MUJOCO, ("hard",), (TRACKED,), "implicitfast", "default", "projection"),
 ]
-
-
-def walked(case: Case, task: Task, steps: int, stepping: Stepping) -> list[tuple[str, str, pl.DataFrame]]:
-    timestep_s = case.file.run.timestep_s or 2e-3
-    laboratory = Laboratory(case, Conditions(timestep_s, steps * timestep_s), stepping=stepping)
-    return [(result.status, result.message, result.steps.frame().drop(TIMES)) for result in laboratory.run(task)]
-
-
-def require_equal(case: Case, task: Task, steps: int) -> list[tuple[str, str, pl.DataFrame]]:
-    native, python = walked(case, task, steps, "native"), walked(case, task, steps, "python")
-    assert len(native) == len(python)
-    for (status, message, ours), (expected_status, expected_message, expected) in zip(native, python, strict=True):
-        assert (status, message) == (expected_status, expected_message)
-        differing = [name for name in ours.columns if not ours[name].equals(expected[name])]
-        assert not differing, f"{task.mode}: {differing}"
-    return native
 
 
 def require_equal_walks(name: str, steps: int) -> None:
@@ -123,11 +104,6 @@ def test_every_equality_at_once(tmp_path, monkeypatch, task):
 # How runs end.
 
 ENDS = {
-    "a limit becomes active": (
-        four_bar(rocker='limited="true" range="-0.5 0.05"'),
-        "start.qvel.crank = 4.0\n",
-        "limit of joint 'rocker' is active at t = ",
-    ),
     "a law has no value": (
         four_bar(rest='<actuator><motor name="motor" joint="crank"/></actuator>'),
         'drive.ctrl.motor = "sqrt(0.05 - t)"\n',
@@ -329,7 +305,7 @@ except ValueError as error:
         ("_core.open_mujoco(_core.__file__)", "has no function mj_version"),
         (
             "_core.Setup(model, qpos=np.zeros(7), qvel=np.zeros(6), laws=[], beta=0, k=0, observed=None, "
-            "conserved=False, snapshots=[])",
+            "conserved=False, inequalities=False, snapshots=[])",
             "MuJoCo's library is not opened yet",
         ),
     ],

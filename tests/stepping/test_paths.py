@@ -55,14 +55,12 @@ def test_the_native_path_is_taken_where_it_can_be(monkeypatch, refusal, expected
     assert fitting_path(bare(four_bar()), Baumgarte()).name == expected
 
 
-LIMITED = four_bar(rocker='limited="true" range="-0.5 0.05"')
 DRIVEN = four_bar(rest='<actuator><motor name="motor" joint="crank"/></actuator>')
 
 
 @pytest.mark.parametrize(
     ("prepared", "part"),
     [
-        (lambda: bare(LIMITED, 4.0, 500), "limit of joint 'rocker' is active at t = "),
         (lambda: bare(DRIVEN, 1.0, 500, {"motor": "sqrt(0.01 - t)"}), "expected a finite control"),
     ],
 )

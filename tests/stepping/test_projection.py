@@ -370,3 +370,38 @@ qvel = { crank = 3.0, coupler = -3.0, rocker = 3.0 }
     assert projected["drift_pos_max"] <= CLOSED
     assert projected["energy_drift_rel"] <= SINGULAR_ENERGY
     assert rows["baumgarte"]["energy_drift_rel"] > SINGULAR_ENERGY_LOST
+
+
+SLIDERS = """
+<mujoco>
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body><joint name="near" type="slide" axis="1 0 0" limited="true" range="-1 0"/><geom size="0.1" mass="1"/></body>
+    <body pos="0 1 0"><joint name="far" type="slide" axis="1 0 0"/><geom size="0.1" mass="3"/></body>
+  </worldbody>
+  <equality><joint joint1="near" JOINT2 polycoef="0.01 SLOPE 0 0 0"/></equality>
+</mujoco>"""
+"""Two masses on rails; the first is at its limit."""
+
+
+def test_a_projection_does_not_push_what_is_at_its_limit_where_it_has_a_choice():
+    """The masses must come apart by 0.01 m: freely by 3/4 and 1/4 of it, but the light one is beyond its limit."""
+    model = mujoco.MjModel.from_xml_string(SLIDERS.replace("JOINT2", 'joint2="far"').replace("SLOPE", "1"))
+    for beyond, moved in ((-0.5, 0.0075), (1e-3, 0.0)):
+        data = mujoco.MjData(model)
+        data.qpos[:] = beyond, beyond
+        projector = Projector(model)
+        assert projector.project(data, gone=0.1).status == "landed"
+        np.testing.assert_allclose(data.qpos, [beyond + moved, beyond + moved - 0.01], atol=1e-10)
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = (beyond, beyond - 0.01), (-0.4, 0.0)
+        projector.project(data, gone=0.1)
+        np.testing.assert_allclose(data.qvel, [-0.1, -0.1], atol=1e-10)  # away from the limit: as freely
+
+
+def test_loops_have_the_last_word_where_there_is_no_choice():
+    model = mujoco.MjModel.from_xml_string(SLIDERS.replace("JOINT2", "").replace("SLOPE", "0"))
+    data = mujoco.MjData(model)
+    data.qpos[0] = 1e-3
+    assert Projector(model).project(data, gone=0.1).status == "landed"
+    assert data.qpos[0] == pytest.approx(0.01, abs=1e-12)

@@ -21,15 +21,18 @@ class Energy:
         yields = model.jnt_springyield.any() or model.tendon_springyield.any()
         uncounted = model.ngravcomp > 0 or model.nplugin > 0 or yields
         driven = model.nu > 0 or model.opt.density != 0 or model.opt.viscosity != 0
+        self._pushed = False
         self.conserved = not (driven or damped or uncounted)
 
     def of(self, data: mujoco.MjData) -> dict[str, float]:
         """Computes the total and the kinetic energy, J, of a state whose position and velocity stages are done.
 
         Returns:
-            ``energy`` and ``kinetic_energy``; an empty dictionary if energy is not conserved.
+            ``energy`` and ``kinetic_energy``; an empty dictionary if energy is not conserved, and from the state on in
+            which a limit or contact pushed first.
         """
-        if not self.conserved:
+        self._pushed |= bool(data.efc_force[data.ne : data.nefc].any())
+        if not self.conserved or self._pushed:
             return {}
         mujoco.mj_energyPos(self._model, data)
         mujoco.mj_energyVel(self._model, data)

@@ -1,7 +1,4 @@
-"""Contacts, limits and friction, which are refused or switched off.
-
-MuJoCo solves them jointly with the loops; oarlock's solvers do not know them.
-"""
+"""Contacts, limits and friction loss: whether a model has any, what is refused, and how they are switched off."""
 
 import mujoco
 import numpy as np
@@ -10,10 +7,12 @@ from oarlock.base.errors import RefusedError, few
 from oarlock.mechanics.names import element_name
 
 OPTION = "--ignore-inequalities"
+"""Flag of the commands that switches them off."""
 
 _BITS = mujoco.mjtDisableBit
 IGNORED = _BITS.mjDSBL_CONTACT | _BITS.mjDSBL_LIMIT | _BITS.mjDSBL_FRICTIONLOSS
 """Flags of MuJoCo that switch contacts, limits and friction off."""
+
 
 _KINDS = {
     mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("friction of joint", mujoco.mjtObj.mjOBJ_JOINT),
@@ -23,7 +22,8 @@ _KINDS = {
 }
 
 
-def _row_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
+def row_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
+    """What a row of a limit, friction loss or contact is of, in words that name it."""
     kind, index = mujoco.mjtConstraint(data.efc_type[row]), int(data.efc_id[row])
     if kind in _KINDS:
         label, object_type = _KINDS[kind]
@@ -32,26 +32,46 @@ def _row_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
         return f"{label} '{element_name(model, object_type, index)}'"
     geoms = [int(geom) for geom in data.contact[index].geom]
     if min(geoms) < 0:
-        return "a contact of a flex"
-    names = [element_name(model, mujoco.mjtObj.mjOBJ_GEOM, geom) for geom in geoms]
-    return f"contact between geoms '{names[0]}' and '{names[1]}'"
+        return "contact with a flex"
+    return f"contact between {' and '.join(_of_body(model, geom) for geom in geoms)}"
 
 
-def refuse_inequalities(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Checks that only equality rows are active.
+def _of_body(model: mujoco.MjModel, geom: int) -> str:
+    """A geom by its name, or by that of its body where it has none."""
+    if model.geom(geom).name:
+        return f"geom '{model.geom(geom).name}'"
+    body = int(model.geom_bodyid[geom])
+    return "the world" if body == 0 else f"body '{element_name(model, mujoco.mjtObj.mjOBJ_BODY, body)}'"
+
+
+def may_act(model: mujoco.MjModel) -> bool:
+    """Whether rows of contacts, limits or friction loss may become active."""
+    disabled = model.opt.disableflags
+    limited = bool(model.jnt_limited.any() or model.tendon_limited.any())
+    rubs = bool(model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+    return (
+        (limited and not disabled & _BITS.mjDSBL_LIMIT)
+        or (rubs and not disabled & _BITS.mjDSBL_FRICTIONLOSS)
+        or (_may_touch(model) and not disabled & _BITS.mjDSBL_CONTACT)
+    )
+
+
+def refuse_unsupported(model: mujoco.MjModel) -> None:
+    """Refuses what MuJoCo solves in another way than by rows.
 
     Raises:
-        RefusedError: rows of contacts, limits or friction are active; the message names the elements and the time.
+        RefusedError: contacts of flexes by incremental potentials, which the model's flag ``ipc`` asks for.
     """
-    if data.nefc == data.ne:
-        return
-    rows = np.flatnonzero(data.efc_type != mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-    names = list(dict.fromkeys(_row_name(model, data, int(row)) for row in rows))
-    verb, them = ("is", "it") if len(names) == 1 else ("are", "them")
-    raise RefusedError(
-        f"{few(names, last='')} {verb} active at t = {data.time:g} s, expected equality rows only: disable {them} "
-        f"in the model (contype/conaffinity, limited, frictionloss), or run with {OPTION}"
-    )
+    flag = getattr(mujoco.mjtEnableBit, "mjENBL_IPC", None)
+    if flag is not None and model.opt.enableflags & flag and model.nflex:
+        raise RefusedError(
+            "the flag ipc is enabled and the model has a flex, whose contacts are no constraint rows then: expected it "
+            f"disabled in the model, or {OPTION}"
+        )
+
+
+def _may_touch(model: mujoco.MjModel) -> bool:
+    return bool(model.npair or model.nflex or (model.geom_contype.any() and model.geom_conaffinity.any()))
 
 
 def ignore_inequalities(model: mujoco.MjModel) -> str:
@@ -73,7 +93,7 @@ def ignore_inequalities(model: mujoco.MjModel) -> str:
         for label, kind, indices in kinds
         if len(indices)
     ]
-    if model.npair or (model.geom_contype.any() and model.geom_conaffinity.any()) or model.nflex:
+    if _may_touch(model):
         said.insert(0, "contacts")
     model.opt.disableflags |= IGNORED
     return "; ".join(said) or "none in the model"

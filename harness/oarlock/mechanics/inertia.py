@@ -59,6 +59,10 @@ class Inertia:
         self.system.assemble_factored(factored, jacobian, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained
 
+    def start_from(self, unconstrained: np.ndarray) -> None:
+        """Takes another a₀ (nv) for the way back from multipliers, that with which the system was asked anew."""
+        self._unconstrained[:] = unconstrained
+
     def hold_rank(self, data: mujoco.MjData, jacobian: np.ndarray) -> None:
         """Asks to hold the rank of the equality rows J (ne, nv) in the next ``assemble``, along the path of a state.
 

@@ -9,7 +9,8 @@ import numpy as np
 from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.core import Info
 from oarlock.base.numbers import finite
-from oarlock.base.vectors import times
+from oarlock.base.vectors import norm, times
+from oarlock.stepping.inequalities import Inequalities, Push, Rows
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Answer
@@ -81,6 +82,51 @@ def solving(infos: Sequence[Info], known: Info) -> Row:
         "rank_margin": finite(known.margin),
         "rank_rises": int(known.risen or any(info.risen for info in infos)),
     }
+
+
+def loads(rows: Rows | None, forces: np.ndarray) -> Row:
+    """How many limits, friction losses and contacts there are, and how hard they push with such forces (m)."""
+    if rows is None or len(rows) != len(forces):
+        return {}
+    found = rows.loads(forces)
+    return {
+        "inequalities": len(rows),
+        "limit_force": found.limit,
+        "friction_force": found.friction,
+        "contact_force": found.contact,
+    }
+
+
+def pushing(rows: Rows | None, inequalities: Inequalities) -> Row:
+    """What they do at the start of a step."""
+    report = inequalities.report
+    if report is None:
+        return {}
+    return {**loads(rows, inequalities.forces), "active": report.active, "blocked": report.blocked}
+
+
+def proving(pushes: Sequence[Push]) -> Row:
+    """What it took to find that out, in all solves of a step."""
+    if not pushes:
+        return {}
+    proofs = [certificate for _, certificate in pushes if certificate is not None]
+    gradients = [max(proof.gradient - proof.rounding, 0.0) for proof in proofs]
+    return {
+        "active_changes": int(any(report.changed for report, _ in pushes)),
+        "newton": sum(report.iterations for report, _ in pushes),
+        "newton_worst": max(report.iterations for report, _ in pushes),
+        "optimality": max(gradients, default=0.0),
+    }
+
+
+def gradient(state: State, qacc: np.ndarray, qfrc: np.ndarray) -> Row:
+    """How far MuJoCo's answer (nv) is from the minimum that it is after: ‖M a − f − Jᵀ λ‖ over ‖f‖ + ‖Jᵀ λ‖."""
+    if state.others is None:
+        return {}
+    data, product = state.data, np.zeros(state.model.nv)
+    mujoco.mj_mulM(state.model, data, product, qacc)
+    left, whole = norm(product - data.qfrc_smooth - qfrc), norm(data.qfrc_smooth) + norm(qfrc)
+    return {"mujoco_optimality": float(left / whole if whole > 0.0 else left)}
 
 
 def projecting(projector: Projector | None) -> Row:

@@ -14,7 +14,6 @@ import polars as pl
 from oarlock.base import core
 from oarlock.base.errors import InputError, RefusedError, one_line
 from oarlock.cases.case_file import Baumgarte, Form
-from oarlock.mechanics.inequalities import refuse_inequalities
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
@@ -84,6 +83,7 @@ class NativePath:
             k=terms.k,
             observed=prepared.observed.address if prepared.observed else None,
             conserved=prepared.conserves_energy,
+            inequalities=prepared.has_inequalities,
             snapshots=prepared.published.steps,
         )
 
@@ -166,8 +166,7 @@ class NativePath:
         step, time, kind, message = run.end
         if kind == "not-finite":
             return Ending(step, time)
-        refused = kind in ("inequalities", "control")
-        return Ending(step, time, self._refusal(run, time, message) if refused else InputError(message))
+        return Ending(step, time, self._refusal(run, time, message) if kind == "control" else InputError(message))
 
     def _refusal(self, run: core.Run, time: float, message: str) -> RefusedError:
         """What the Python path would say of the state that a run was refused at: it knows the names."""
@@ -177,9 +176,6 @@ class NativePath:
         data.time = time
         try:
             prepared.drive.apply(data)
-            mujoco.mj_fwdPosition(prepared.model, data)
-            mujoco.mj_fwdVelocity(prepared.model, data)
-            refuse_inequalities(prepared.model, data)
         except RefusedError as error:
             return error
         return RefusedError(message)
@@ -192,7 +188,7 @@ class NativePath:
             data.qpos[:], data.qvel[:] = qpos, qvel
             mujoco.mj_fwdPosition(prepared.model, data)
             mujoco.mj_fwdVelocity(prepared.model, data)
-            data.efc_force[:] = multipliers
+            data.efc_force[: data.ne] = multipliers
             found[step] = prepared.published.errors(step, data)
         return found
 

@@ -12,7 +12,7 @@ from oarlock.cases.integrators import IntegratorName
 from oarlock.cases.truth import TruthTrajectory
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.energy import Energy
-from oarlock.mechanics.inequalities import ignore_inequalities
+from oarlock.mechanics.inequalities import ignore_inequalities, may_act, refuse_unsupported
 from oarlock.mechanics.observed import Observed
 from oarlock.mechanics.prepare import load_mechanism
 from oarlock.stepping.closing import CONSISTENT
@@ -88,6 +88,7 @@ class Prepared:
         self.observed = observed
         self.published = published or PublishedValues(model, (), "")
         self.conserves_energy = Energy(model).conserved
+        self.has_inequalities = may_act(model)
         self._trajectory = trajectory
         self.left = self._left()
 
@@ -168,6 +169,7 @@ class PreparedCase(Prepared):
         )
         ignoring = conditions.ignore_inequalities or case.file.run.ignore_inequalities
         self.ignored = ignore_inequalities(model) if ignoring else None
+        refuse_unsupported(model)
         drive = Drive(model, case)
         self.start: ConsistentStart = consistent_start(model, case, conditions.seed)
         steps = _steps(case, conditions.duration_s, float(model.opt.timestep))

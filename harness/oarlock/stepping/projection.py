@@ -2,9 +2,10 @@
 
 Of all changes that close the rows it takes the smallest in the metric of M, δ = −M⁻¹ Jᵀ A⁺ r with A = J M⁻¹ Jᵀ. This
 has no part along the motions that the rows admit; redundant and contradicting rows are met in the sense of least
-squares. Positions take Newton rounds, because r is not linear in q; J v is linear in v, and repeating only removes what
-a solver's tolerance left. A velocity projected like this never gains kinetic energy. (Eich 1993, Convergence results
-for a coordinate projection method applied to mechanical systems with algebraic constraints.)
+squares. One that would push a violated limit or a penetrating contact deeper is replaced by the smallest that does not,
+as far as the loops leave a choice. Positions take Newton rounds, because r is not linear in q; J v is linear in v, and
+repeating only removes what a solver's tolerance left. A velocity projected like this never gains kinetic energy. (Eich
+1993, Convergence results for a coordinate projection method applied to mechanical systems with algebraic constraints.)
 """
 
 from dataclasses import dataclass
@@ -13,9 +14,11 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from oarlock.base.vectors import times
-from oarlock.mechanics.inertia import Inertia
+from oarlock.base import core
+from oarlock.base.vectors import times, total
+from oarlock.mechanics.inertia import Inertia, whiten
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.stepping.inequalities import COEFFICIENTS, Rows
 from oarlock.stepping.solvers import SolverSpec
 
 TRACKED = SolverSpec("sr1-tracked", (("predict", 0.0),))
@@ -33,6 +36,13 @@ TRUST_MIN, TRUST_MAX = 1e-6, 0.1
 """Bounds of the trust length, rad or m, however far a state has gone. The lower one lets a mechanism at rest be moved
 by more than rounding makes of a nearly singular pose, and less than one sees; the upper one keeps a fast one near its
 pose."""
+
+FIRM = 1e12
+"""Stiffness of what a correction must not push deeper, in units of its inertia: a part of 1e-12 of what it would be
+pushed by is left."""
+
+LEAST = 1e-100
+"""Inertia of a row, at least: what nothing moves is not pushed either."""
 
 _EPSILON = float(np.finfo(float).eps)
 
@@ -92,12 +102,45 @@ class Projector:
         self._inertia = Inertia(model)
         self._solver = solver.with_defaults(rank_cut=rank_cut).make()
         self._zero = np.zeros(model.nv)
+        self._holding = core.Inequalities()
+        self._change = np.zeros((1, model.nv))
         # A row is the difference of two positions, and each is rounded.
         self._rounding = 2.0 * _EPSILON * float(model.stat.extent + np.abs(model.stat.center).max())
         self._solves = self._iterations = 0
         self._gone, self._left = 0.0, left
         single = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
         self._dofs, self._coordinates = model.jnt_dofadr[single], model.jnt_qposadr[single]
+
+    def _guarded(self, data: mujoco.MjData, wanted: np.ndarray, rates: np.ndarray | None = None) -> np.ndarray:
+        """A correction that pushes no violated limit and no penetrating contact deeper, unless the loops ask for it.
+
+        One of velocities ``rates`` (nv) may slow down what leaves a limit, but not turn it back.
+        """
+        plain = self.correction(data, wanted)
+        if data.nefc == data.ne:
+            return plain
+        held = Rows(self.model, data).held()
+        model, count, zeros = self.model, len(held), np.zeros(len(held))
+        least = zeros if rates is None else -np.maximum(times(held, rates), 0.0)
+        if not (times(held, plain) < least).any():
+            return plain
+        whitened = whiten(model, data, held)
+        stiffness = FIRM / np.maximum(total(whitened * whitened), LEAST)
+        self._holding.solve(
+            self._inertia.system,
+            whitened,
+            held,
+            least,
+            stiffness,
+            zeros,
+            dims=[1] * count,
+            mu=zeros,
+            friction=np.zeros((count, COEFFICIENTS)),
+        )
+        mujoco.mj_solveM(model, data, self._change, self._holding.generalised_force[None])
+        self._inertia.start_from(self._change[0])
+        self._inertia.system.renew(self._change[0], wanted)
+        return self._solve(data)
 
     def correction(self, data: mujoco.MjData, wanted: np.ndarray, damping: float = 0.0) -> np.ndarray:
         """Computes δ = M⁻¹ Jᵀ A⁺ c (nv), the least-squares solution of J δ = c with the smallest ½ δᵀ M δ.
@@ -111,6 +154,9 @@ class Projector:
         softness = np.full(len(wanted), damping) if damping else None
         self._inertia.hold_rank(data, jacobian)
         self._inertia.assemble(data, jacobian, self._zero, wanted, softness)
+        return self._solve(data)
+
+    def _solve(self, data: mujoco.MjData) -> np.ndarray:
         multipliers, info = self._solver.solve_system(self._inertia.system)
         self.rank = info.rank or 0
         self._solves += 1
@@ -144,7 +190,7 @@ class Projector:
         mujoco.mj_fwdPosition(model, data)
         error, rounding = gap(data), self._rounding_at(data)
         while error > rounding and rounds < MAX_ROUNDS:
-            step = self.correction(data, -data.efc_pos[: data.ne])
+            step = self._guarded(data, -data.efc_pos[: data.ne])
             if not np.abs(total + step).max() <= trust:
                 self._place(data, given)
                 return "too-far", 0, 0.0
@@ -182,7 +228,7 @@ class Projector:
         for _ in range(MAX_ROUNDS):
             if error <= _EPSILON * times(np.abs(jacobian), np.abs(data.qvel)).max(initial=0.0):
                 return
-            changed = data.qvel + self.correction(data, -rate)
+            changed = data.qvel + self._guarded(data, -rate, data.qvel)
             rate = times(jacobian, changed)
             after = np.abs(rate).max()
             if not after < error:

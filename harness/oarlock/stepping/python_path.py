@@ -20,7 +20,18 @@ from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.prepare import integrator_of, unsolved
 from oarlock.stepping.ending import Ending
-from oarlock.stepping.figures import Row, answered, parity, place, projecting, solving
+from oarlock.stepping.figures import (
+    Row,
+    answered,
+    gradient,
+    loads,
+    parity,
+    place,
+    projecting,
+    proving,
+    pushing,
+    solving,
+)
 from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
@@ -303,14 +314,20 @@ class Lockstep:
         state = self._state
         state.read()
         qacc, qfrc = self.walker.mujoco_answer()
+        theirs = gradient(state, qacc, qfrc)
         rows = []
         for question, solvers in self._asked:
             question.ask()
+            inequalities, remembered = question.inequalities, False
             for solver in solvers:
                 answer = question.answer(solver)
+                if not remembered and answer.info.status == "converged":
+                    inequalities.remember(answer.qacc)
+                    remembered = True
                 minimum, known = question.reference(solver)
                 row = answered(self._prepared, step, state, answer.qacc, answer.multipliers)
-                rows.append({**row, **parity(answer, minimum, qacc, qfrc), **solving([answer.info], known)})
+                pushed = {**pushing(state.others, inequalities), **proving(inequalities.pushes), **theirs}
+                rows.append({**row, **parity(answer, minimum, qacc, qfrc), **solving([answer.info], known), **pushed})
         return rows
 
     def complete(self, rows: list[Row]) -> None:
@@ -319,6 +336,7 @@ class Lockstep:
             row.update(projecting(self._projector))
         if self._force is not None:
             self._force.take_infos()
+            self._force.take_pushes()
 
 
 class OneStep:
@@ -343,10 +361,11 @@ class OneStep:
             ours.qpos[:], ours.qvel[:], ours.act[:] = theirs.qpos, theirs.qvel, theirs.act
             ours.time = theirs.time
             walker.look()
-            row = answered(prepared, step, self._state, ours.qacc, ours.efc_force)
+            row = answered(prepared, step, self._state, ours.qacc, ours.efc_force[: ours.ne])
+            row.update(pushing(self._state.others, force.question.inequalities))
             walker.step()
             infos = force.take_infos()
-            rows.append({**row, **solving(infos, infos[0])})
+            rows.append({**row, **solving(infos, infos[0]), **proving(force.take_pushes())})
             self._reached.append(ours.qpos.copy())
         return rows
 
@@ -375,7 +394,8 @@ class FreeMujoco:
         iterations = self.walker.iterations
         return [
             {
-                **answered(prepared, step, self._state, data.qacc, data.efc_force),
+                **answered(prepared, step, self._state, data.qacc, data.efc_force[: data.ne]),
+                **loads(self._state.others, data.efc_force[data.ne :]),
                 "status": "converged",
                 "solves": 1,
                 "unconverged": 0,
@@ -417,11 +437,13 @@ class FreeSolved:
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``; its solves are counted when the step is taken."""
         prepared, data = self._prepared, self.walker.data
+        multipliers = data.efc_force[: data.ne]
         minimum, self._known = self._force.question.reference(self._force.solver)
         return [
             {
-                **answered(prepared, step, self._state, data.qacc, data.efc_force),
-                "min_norm_error": float(relative_difference(data.efc_force, minimum)),
+                **answered(prepared, step, self._state, data.qacc, multipliers),
+                **pushing(self._state.others, self._force.question.inequalities),
+                "min_norm_error": float(relative_difference(multipliers, minimum)),
                 "trajectory_diff": self._theirs.compare(data.qpos),
                 **(self._halved.compare(data) if self._halved else {}),
                 **self._energy.of(data),
@@ -432,3 +454,4 @@ class FreeSolved:
     def complete(self, rows: list[Row]) -> None:
         """As ``Experiment``: solves and projection."""
         rows[0].update(solving(self._force.take_infos(), self._known), **projecting(self._projector))
+        rows[0].update(proving(self._force.take_pushes()))

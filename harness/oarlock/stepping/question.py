@@ -8,6 +8,7 @@ import numpy as np
 from oarlock.base import core
 from oarlock.cases.case_file import Form
 from oarlock.mechanics.inertia import Inertia
+from oarlock.stepping.inequalities import Inequalities, Push
 from oarlock.stepping.state import State
 
 
@@ -17,7 +18,7 @@ class Answer(NamedTuple):
     Attributes:
         multipliers: λ (ne), in N or N m.
         qacc: accelerations (nv) that they give.
-        qfrc: constraint forces Jᵀλ (nv).
+        qfrc: constraint forces (nv): Jᵀλ, and those of limits, friction loss and contacts.
         info: what the solver reports.
     """
 
@@ -39,13 +40,22 @@ class Question:
         self.state = state
         self.form: Form = form
         self._inertia = Inertia(state.model)
+        self.inequalities = Inequalities(state.model)
 
     def ask(self) -> None:
-        """Assembles A and b from the state as it was last read."""
+        """Assembles A and b from the state as it was last read.
+
+        The forces of limits, friction loss and contacts are among the smooth ones.
+        """
         state = self.state
         aref, softness = state.question(self.form)
         self._inertia.hold_rank(state.data, state.jacobian)
         self._inertia.assemble(state.data, state.jacobian, state.unconstrained, aref, softness)
+        if state.others is None:
+            self.inequalities.answer(state.data, None, self._inertia.system, aref)
+        else:
+            pushed = self.inequalities.answer(state.data, state.others, self._inertia.system, aref)
+            self._inertia.start_from(pushed)
 
     def solve(self, solver: core.MultiplierSolver) -> tuple[np.ndarray, core.Info]:
         """Solves for the multipliers λ (ne); returns them and what the solver reports."""
@@ -62,6 +72,10 @@ class Question:
         if info.status == "inaccurate":
             least, _ = self._inertia.acceleration(self.state.data, self.reference(solver)[0])
             info = self._inertia.system.confirm(info, qacc, least)
+        qfrc, proved = self.inequalities.conclude(qacc, qfrc)
+        # Whoever iterates leaves a residual of its own, which stiff rows magnify.
+        if not proved and info.products == 0 and info.status == "converged":
+            info = self._inertia.system.doubt(info)
         return Answer(multipliers, qacc, qfrc, info)
 
 
@@ -72,6 +86,12 @@ class SolvedForce:
         self.question = Question(state, form)
         self._state, self.solver = state, solver
         self._infos: list[core.Info] = []
+        self._pushes: list[Push] = []
+
+    def take_pushes(self) -> list[Push]:
+        """Returns what limits, friction loss and contacts took since the last call, one entry per stage with any."""
+        pushes, self._pushes = self._pushes, []
+        return pushes
 
     def take_infos(self) -> list[core.Info]:
         """Returns what the solver reported since the last call, one entry per stage, and forgets it."""
@@ -85,5 +105,8 @@ class SolvedForce:
         answer = self.question.answer(self.solver)
         data.qacc[:] = answer.qacc
         data.qfrc_constraint[:] = answer.qfrc
-        data.efc_force[:] = answer.multipliers
+        inequalities = self.question.inequalities
+        inequalities.remember(answer.qacc)
+        data.efc_force[:] = np.concatenate([answer.multipliers, inequalities.forces])
         self._infos.append(answer.info)
+        self._pushes += inequalities.pushes

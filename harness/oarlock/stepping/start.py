@@ -9,7 +9,6 @@ from oarlock.base.errors import InputError, choose
 from oarlock.cases.case import Case
 from oarlock.cases.point import DISTURBANCE
 from oarlock.mechanics.drive import Drive
-from oarlock.mechanics.inequalities import refuse_inequalities
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.reactions import unique_reactions
 from oarlock.mechanics.rows import closing_jacobian
@@ -98,7 +97,7 @@ def consistent_start(model: mujoco.MjModel, case: Case, seed: int | None = None)
             None for the start as it is.
 
     Raises:
-        InputError: a name or a size is wrong, rows other than equality rows are active, or a loop cannot be closed.
+        InputError: a name or a size is wrong, or a loop cannot be closed.
     """
     data = mujoco.MjData(model)
     keys = [model.key(index).name for index in range(model.nkey)]
@@ -117,7 +116,6 @@ def consistent_start(model: mujoco.MjModel, case: Case, seed: int | None = None)
     if not close(model, data, case.file.rank_cut) and gap(data) > CONSISTENT:
         raise InputError(_cannot_close(model, data, given, case))
     mujoco.mj_fwdPosition(model, data)
-    refuse_inequalities(model, data)
 
     projector = Projector(model, case.file.rank_cut, SolverSpec(REFERENCE))
     mujoco.mj_fwdVelocity(model, data)

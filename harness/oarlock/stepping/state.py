@@ -5,8 +5,8 @@ import numpy as np
 
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.mechanics.curvature import Curvature
-from oarlock.mechanics.inequalities import refuse_inequalities
-from oarlock.mechanics.rows import jacobian
+from oarlock.mechanics.rows import closing_jacobian
+from oarlock.stepping.inequalities import Rows
 
 
 class State:
@@ -22,6 +22,7 @@ class State:
         residual: deviations of the rows, r (ne), m or rad.
         rate: J v (ne), m/s or rad/s.
         curvature: J̇v (ne), m/s² or rad/s².
+        others: rows of limits, friction loss and contacts; None if there are none.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, baumgarte: Baumgarte):
@@ -30,19 +31,15 @@ class State:
         self._beta2, self._k = 2.0 * baumgarte.beta, baumgarte.k
 
     def read(self) -> None:
-        """Reads the fields from the data.
-
-        Raises:
-            InputError: rows other than equality rows are active.
-        """
+        """Reads the fields from the data."""
         data = self.data
-        refuse_inequalities(self.model, data)
-        self.jacobian = jacobian(self.model, data)
+        self.jacobian = closing_jacobian(self.model, data)
         self.unconstrained = data.qacc_smooth
-        self.residual = data.efc_pos
-        self.rate = data.efc_vel
+        self.residual = data.efc_pos[: data.ne]
+        self.rate = data.efc_vel[: data.ne]
         self.curvature = np.empty(data.ne)
         self._curvature.write(data, self.curvature)
+        self.others = Rows(self.model, data) if data.nefc > data.ne else None
 
     def question(self, form: Form) -> tuple[np.ndarray, np.ndarray | None]:
         """Returns the accelerations asked of the rows, aref (ne), and their softness R (ne), None for R = 0.
@@ -50,5 +47,6 @@ class State:
         ``matched`` takes MuJoCo's own aref and R; ``hard`` aref = −J̇v − 2β Jv − k r and R = 0 (Baumgarte 1972).
         """
         if form == "matched":
-            return self.data.efc_aref, self.data.efc_R
+            ne = self.data.ne
+            return self.data.efc_aref[:ne], self.data.efc_R[:ne]
         return -self.curvature - self._beta2 * self.rate - self._k * self.residual, None

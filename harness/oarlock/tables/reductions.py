@@ -77,6 +77,11 @@ def slope(column: str, over: str, where: pl.Expr) -> Reduction:
     return Reduction((x.len(), x.sum(), y.sum(), (x * x).sum(), (x * y).sum()), _slope)
 
 
+def ratio_where(column: str, over: str) -> Reduction:
+    """The sum over the sum of another column, both of the steps that have the first."""
+    return Reduction((pl.col(column).sum(), pl.col(over).filter(pl.col(column).is_not_null()).sum()), _over)
+
+
 def mean(column: str) -> Reduction:
     """The mean of the steps that have it."""
     return Reduction((pl.col(column).sum(), pl.col(column).count()), _over)

@@ -72,6 +72,7 @@ MEAN = Tolerance("solver", "smaller", 0.05, 0.05, f"iterations a solve; {_COUNTE
 MOST = Tolerance("solver", "smaller", 0.25, 2.0, f"of one solve; {_COUNTED}")
 RESTARTS = Tolerance("solver", "smaller", 0.25, 3.0, f"restarts of a run; {_COUNTED}")
 GIVEN_UP = Tolerance("solver", "smaller", 0.1, 1.0, f"solves or projections of a run that did not converge; {_COUNTED}")
+FORCE = Tolerance("forces", "neither", 0.05, 1e-9, "an impact hangs on where in a step it falls")
 WHOLE = Tolerance("structure", "neither", 0.0, 0.0, "a whole number")
 MARGIN = Tolerance(
     "structure", "neither", 9.0, 1e4, "how far an eigenvalue stays from the rank cut, where it comes within 1e4 of it"

@@ -18,12 +18,6 @@ pub enum Error {
     /// A state or a model that the comparison does not cover; the text says what was expected.
     #[error("{0}")]
     Refused(String),
-    /// Rows of contacts, limits or friction are active at this time, s.
-    #[error("contacts, limits or friction are active at t = {time} s, expected equality rows only")]
-    Inequalities {
-        /// data.time, s.
-        time: f64,
-    },
     /// A projection left rows open that count: the exact solution is lost.
     #[error(
         "the rows can no longer be closed together: the nearest pose leaves one open by more than 1e-6 m or rad, expected none"

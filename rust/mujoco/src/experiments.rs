@@ -49,6 +49,7 @@ mod tests {
             baumgarte: Baumgarte::default(),
             observed: None,
             conserved: true,
+            inequalities: false,
             snapshots: vec![3],
         }
     }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use oarlock_core::{ConstrainedSystem, Info, MultiplierSolver, Status, Wanted};
 
 use crate::error::Error;
+use crate::inequalities::Inequalities;
 use crate::library::Data;
 use crate::state::{Form, State};
 
@@ -47,12 +48,13 @@ impl Answer {
     /// Fills it with a solver's answer to the question that a state asks of a data.
     ///
     /// # Errors
-    /// Those of [`ConstrainedSystem::solve`] and [`State::acceleration`].
+    /// Those of [`ConstrainedSystem::solve`], [`State::acceleration`] and [`Inequalities::conclude`].
     pub fn fill(
         &mut self,
         data: &mut Data,
         state: &mut State,
         system: &mut ConstrainedSystem,
+        inequalities: &mut Inequalities,
         solver: &mut dyn MultiplierSolver,
     ) -> Result<(), Error> {
         self.multipliers.resize(system.len(), 0.0);
@@ -71,6 +73,11 @@ impl Answer {
             let [qfrc, qacc] = &mut self.other;
             state.acceleration(data, system, &self.least, qfrc, qacc)?;
             system.confirm(&self.qacc, qacc, &mut self.info);
+        }
+        let proved = inequalities.conclude(state.others(), &self.qacc, &mut self.qfrc)?;
+        // Whoever iterates leaves a residual of its own, which stiff rows magnify.
+        if !proved && self.info.products == 0 && self.info.status == Status::Converged {
+            self.info.status = Status::Inaccurate;
         }
         Ok(())
     }
@@ -101,6 +108,16 @@ pub struct Tally {
     pub residual_rel: f64,
     /// Wall time, ns.
     pub solve_ns: i64,
+    /// Newton iterations for limits, friction loss and contacts of all solves.
+    pub newton: i64,
+    /// Of the one that took most.
+    pub newton_worst: i64,
+    /// Largest gradient beyond rounding that any certificate leaves.
+    pub optimality: f64,
+    /// Whether rows that push changed.
+    pub changed: bool,
+    /// Whether there were such rows.
+    pub pushed: bool,
 }
 
 impl Tally {
@@ -123,6 +140,20 @@ impl Tally {
         self.residual_rel = self.residual_rel.max(info.residual_rel);
         self.solve_ns += i64::try_from(elapsed.as_nanos()).unwrap_or(i64::MAX);
     }
+
+    /// Adds the answer to the limits, friction loss and contacts beside it.
+    pub fn add_inequalities(&mut self, inequalities: &Inequalities) {
+        if let Some(report) = inequalities.report {
+            let count = i64::try_from(report.iterations).unwrap_or(i64::MAX);
+            self.newton += count;
+            self.newton_worst = self.newton_worst.max(count);
+            self.changed |= report.changed;
+            self.pushed = true;
+        }
+        if let Some(certificate) = inequalities.certificate {
+            self.optimality = self.optimality.max(certificate.gradient - certificate.rounding);
+        }
+    }
 }
 
 /// Gives the constraint force of a state whose smooth stages are done.
@@ -140,6 +171,8 @@ pub struct SolvedForce {
     pub state: State,
     /// The question as it was last asked.
     pub system: ConstrainedSystem,
+    /// Limits, friction loss and contacts as they were last answered.
+    pub inequalities: Inequalities,
     /// The last answer.
     pub answer: Answer,
     /// The solves since it was last cleared: one a stage.
@@ -154,20 +187,23 @@ impl SolvedForce {
     #[must_use]
     pub fn new(state: State, form: Form, solver: Box<dyn MultiplierSolver>, nv: usize) -> Self {
         let (system, answer) = (ConstrainedSystem::new(), Answer::new(nv));
-        Self { state, system, answer, tally: Tally::default(), form, solver }
+        let inequalities = Inequalities::default();
+        Self { state, system, inequalities, answer, tally: Tally::default(), form, solver }
     }
 }
 
 impl ForceLaw for SolvedForce {
     fn apply(&mut self, data: &mut Data) -> Result<(), Error> {
         self.state.read(data)?;
-        self.state.ask(data, self.form, &mut self.system)?;
-        let answer = &mut self.answer;
-        answer.fill(data, &mut self.state, &mut self.system, &mut *self.solver)?;
+        let Self { state, system, inequalities, answer, tally, solver, form } = self;
+        state.ask(data, *form, system, inequalities)?;
+        answer.fill(data, state, system, inequalities, &mut **solver)?;
+        inequalities.remember(&answer.qacc);
         data.qacc_mut().copy_from_slice(&answer.qacc);
         data.qfrc_constraint_mut().copy_from_slice(&answer.qfrc);
-        data.force_mut().copy_from_slice(&answer.multipliers);
-        self.tally.add(&answer.info, answer.elapsed);
+        data.write_force(&answer.multipliers, inequalities.forces());
+        tally.add(&answer.info, answer.elapsed);
+        tally.add_inequalities(inequalities);
         Ok(())
     }
 }

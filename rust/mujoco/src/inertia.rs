@@ -52,6 +52,14 @@ impl Inertia {
         said
     }
 
+    /// `whitened` = H `vectors`, several of nv one after another, by the factor that the last system was assembled with.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn whiten(&self, data: &mut Data, vectors: &[f64], whitened: &mut [f64]) -> Result<(), Error> {
+        data.whiten(whitened, vectors, &self.roots)
+    }
+
     /// `qfrc` = Jᵀ λ and `qacc` = a₀ + M⁻¹ Jᵀ λ, nv each.
     ///
     /// # Errors

@@ -8,6 +8,7 @@
 //! | [`drive`], [`time_law`] | controls as laws of time |
 //! | [`kinematics`], [`tendon`], [`curvature`] | J̇v of every kind of equality |
 //! | [`inertia`] | rows of J through MuJoCo's sparse factor of M, and the way back to accelerations |
+//! | [`inequalities`] | limits, friction loss and contacts of a state, and the forces that they answer with |
 //! | [`state`] | what one state says, and the question that it puts to a solver of `oarlock-core` |
 //! | [`force`] | force laws: a solver's answer, or MuJoCo's own force |
 //! | [`projection`] | positions and velocities back onto the constraints |
@@ -42,6 +43,7 @@ pub mod error;
 pub mod experiments;
 pub mod force;
 pub mod gaps;
+pub mod inequalities;
 pub mod inertia;
 pub mod kinematics;
 pub mod library;

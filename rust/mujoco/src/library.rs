@@ -23,7 +23,7 @@ use std::ffi::{CStr, CString, c_char, c_int};
 use std::sync::OnceLock;
 use std::{ptr, slice};
 
-pub use data::Data;
+pub use data::{Cone, Data, InequalityRows};
 use ffi::{oarlock_header_version, oarlock_open};
 pub use hook::{Controls, with_controls, without_timers};
 pub use jacobian::Jacobian;

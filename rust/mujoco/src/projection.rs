@@ -2,13 +2,16 @@
 //!
 //! Of all changes that close the rows the nearest in the metric of M is taken, δ = −M⁻¹ Jᵀ A⁺ r with A = J M⁻¹ Jᵀ. It has no
 //! part along the motions that the rows admit; redundant rows and rows that contradict one another are met in the sense of
-//! least squares (Eich 1993, Convergence results for a coordinate projection method applied to mechanical systems with
+//! least squares; a violated limit or a penetrating contact is not pushed deeper where the loops leave a choice (Eich 1993, Convergence results for a coordinate projection method applied to mechanical systems with
 //! algebraic constraints). The same as `oarlock.projection`, operation for operation.
 
-use oarlock_core::{ConstrainedSystem, FactoredStep, MultiplierSolver, Wanted};
+use oarlock_core::{
+    ConstrainedSystem, FactoredStep, Group, Inequalities, InequalityStep, MultiplierSolver, Wanted,
+};
 
 use crate::error::Error;
 use crate::gaps::Gaps;
+use crate::inequalities::Rows;
 use crate::inertia::Inertia;
 use crate::library::{Data, EQ_JOINT, EQ_TENDON, Jacobian, Model};
 use crate::vectors::{largest, sum, times};
@@ -21,6 +24,13 @@ const LANDED: f64 = 1000.0;
 
 /// rad or m: bounds of what a projection may move a coordinate by.
 const TRUST: (f64, f64) = (1e-6, 0.1);
+
+/// Stiffness of what a correction must not push deeper, in units of its inertia: a part of 1e-12 of what it would be pushed by is
+/// left.
+const FIRM: f64 = 1e12;
+
+/// Inertia of a row, at least: what nothing moves is not pushed either.
+const LEAST: f64 = 1e-100;
 
 /// How a projection ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +88,16 @@ pub struct Projector {
     /// Entry of qpos of each velocity that is the rate of one.
     coordinates: Vec<Option<usize>>,
     zero: Vec<f64>,
+    /// Limits and contacts, those that are violated, and what finds a correction that does not push them deeper.
+    others: Rows,
+    held: Vec<f64>,
+    whitened: Vec<f64>,
+    stiffness: Vec<f64>,
+    least: Vec<f64>,
+    none: Vec<f64>,
+    groups: Vec<Group>,
+    change: Vec<f64>,
+    holding: Inequalities,
     jacobian: Jacobian,
     wanted: Vec<f64>,
     multipliers: Vec<f64>,
@@ -109,6 +129,15 @@ impl Projector {
             left: 0.0,
             coordinates: coordinates(model),
             zero: vec![0.0; nv],
+            others: Rows::default(),
+            held: Vec::new(),
+            whitened: Vec::new(),
+            stiffness: Vec::new(),
+            least: Vec::new(),
+            none: Vec::new(),
+            groups: Vec::new(),
+            change: Vec::new(),
+            holding: Inequalities::new(),
             jacobian: Jacobian::default(),
             wanted: Vec::new(),
             multipliers: Vec::new(),
@@ -189,7 +218,7 @@ impl Projector {
         while error > rounding && rounds < MAX_ROUNDS {
             self.wanted.clear();
             self.wanted.extend(data.pos().iter().map(|deviation| -deviation));
-            self.correct(data)?;
+            self.correct(data, false)?;
             for ((sum, total), step) in self.sums.iter_mut().zip(&self.total).zip(&self.step) {
                 *sum = total + step;
             }
@@ -226,7 +255,7 @@ impl Projector {
                 return Ok(());
             }
             self.wanted.iter_mut().for_each(|rate| *rate = -*rate);
-            self.correct(data)?;
+            self.correct(data, true)?;
             for ((changed, given), step) in self.changed.iter_mut().zip(data.qvel()).zip(&self.step) {
                 *changed = given + step;
             }
@@ -248,8 +277,10 @@ impl Projector {
         self.jacobian.entries().chunks_exact(velocity.len()).map(row_sum).fold(0.0, f64::max)
     }
 
-    /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ.
-    fn correct(&mut self, data: &mut Data) -> Result<(), Error> {
+    /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ; of those that push no violated limit
+    /// and no penetrating contact deeper, unless the loops ask for it. One of velocities may slow down what leaves a limit, but not
+    /// turn it back.
+    fn correct(&mut self, data: &mut Data, of_velocities: bool) -> Result<(), Error> {
         self.jacobian.read(data);
         self.gaps.hold(data, self.jacobian.entries(), &mut self.system);
         let step = FactoredStep {
@@ -259,12 +290,62 @@ impl Projector {
             regularisation: None,
         };
         self.inertia.assemble(data, &step, &mut self.system)?;
+        self.solve(data)?;
+        if data.nefc() > data.ne() {
+            self.guard(data, of_velocities)?;
+        }
+        Ok(())
+    }
+
+    fn solve(&mut self, data: &mut Data) -> Result<(), Error> {
         self.multipliers.resize(self.wanted.len(), 0.0);
         let info =
             self.system.solve_unchecked(&mut *self.solver, Wanted::Multipliers, &mut self.multipliers)?;
         self.solves += 1;
         self.iterations += i64::try_from(info.iterations).unwrap_or(i64::MAX);
         self.inertia.acceleration(data, &mut self.system, &self.multipliers, &mut self.qfrc, &mut self.step)
+    }
+
+    /// Corrects anew where `step` would push what is violated deeper.
+    fn guard(&mut self, data: &mut Data, of_velocities: bool) -> Result<(), Error> {
+        let nv = self.zero.len();
+        let Self { others, held, step, least, .. } = self;
+        others.read(data);
+        others.held(nv, held);
+        let along =
+            |row: &[f64], change: &[f64]| sum(row.iter().zip(change).map(|(entry, part)| entry * part));
+        let bound = |row: &[f64]| if of_velocities { -along(row, data.qvel()).max(0.0) } else { 0.0 };
+        least.clear();
+        least.extend(held.chunks_exact(nv).map(bound));
+        if !held.chunks_exact(nv).zip(&*least).any(|(row, least)| along(row, step) < *least) {
+            return Ok(());
+        }
+        let count = least.len();
+        self.whitened.resize(held.len(), 0.0);
+        self.inertia.whiten(data, held, &mut self.whitened)?;
+        let firm = |row: &[f64]| FIRM / sum(row.iter().map(|entry| entry * entry)).max(LEAST);
+        self.stiffness.clear();
+        self.stiffness.extend(self.whitened.chunks_exact(nv).map(firm));
+        self.none.resize(count, 0.0);
+        self.groups.resize(count, Group::Unilateral);
+        let rows = InequalityStep {
+            jacobian: held,
+            aref: least,
+            stiffness: &self.stiffness,
+            friction_loss: &self.none,
+            groups: &self.groups,
+        };
+        let whitened = &self.whitened;
+        let mut whiten = |indices: &[usize], _: &[f64], out: &mut [f64]| {
+            for (&row, out) in indices.iter().zip(out.chunks_exact_mut(nv)) {
+                out.copy_from_slice(&whitened[row * nv..(row + 1) * nv]);
+            }
+        };
+        self.holding.solve(&mut self.system, &rows, None, Some(&mut whiten))?;
+        self.change.resize(nv, 0.0);
+        data.solve_mass(&mut self.change, self.holding.generalised_force())?;
+        self.system.renew(&self.change, &self.wanted)?;
+        self.solve(data)
     }
 }
 

@@ -53,6 +53,8 @@ pub struct Setup {
     pub observed: Option<Observed>,
     /// Whether energy is conserved, and so worth noting.
     pub conserved: bool,
+    /// Whether limits, friction loss or contacts may act, and so are worth noting.
+    pub inequalities: bool,
     /// Steps whose state is kept whole.
     pub snapshots: Vec<usize>,
 }
@@ -113,7 +115,10 @@ pub struct Snapshot {
 /// What all experiments write down.
 pub(crate) struct Notes {
     pub(crate) observed: Option<Observed>,
+    pub(crate) inequalities: bool,
     conserved: bool,
+    /// Whether a limit, friction loss or contact has pushed: energy is not conserved from then on.
+    pushed: bool,
     due: Vec<usize>,
     kept: Vec<Snapshot>,
     acceleration: Vec<f64>,
@@ -125,7 +130,9 @@ impl Notes {
         due.sort_unstable_by(|a, b| b.cmp(a));
         Self {
             observed: setup.observed,
+            inequalities: setup.inequalities,
             conserved: setup.conserved,
+            pushed: false,
             due,
             kept: Vec::new(),
             acceleration: Vec::new(),
@@ -159,9 +166,10 @@ impl Notes {
     /// What a free run also shows, with its multipliers.
     pub(crate) fn free(&mut self, steps: &mut Steps, step: usize, data: &mut Data) -> Result<(), Error> {
         if self.conserved {
+            self.pushed |= data.force()[data.ne()..].iter().any(|&force| force != 0.0);
             let [potential, kinetic] = data.energy()?;
-            steps.float("energy", potential + kinetic);
-            steps.float("kinetic_energy", kinetic);
+            steps.maybe("energy", (!self.pushed).then_some(potential + kinetic));
+            steps.maybe("kinetic_energy", (!self.pushed).then_some(kinetic));
         }
         if self.due.last() == Some(&step) {
             self.due.pop();
@@ -169,10 +177,10 @@ impl Notes {
                 step,
                 qpos: data.qpos().to_vec(),
                 qvel: data.qvel().to_vec(),
-                multipliers: data.force().to_vec(),
+                multipliers: data.multipliers().to_vec(),
             });
         }
-        steps.list("multipliers", data.force());
+        steps.list("multipliers", data.multipliers());
         Ok(())
     }
 
@@ -475,6 +483,7 @@ mod tests {
             baumgarte: Baumgarte::default(),
             observed: None,
             conserved: false,
+            inequalities: false,
             snapshots: Vec::new(),
         };
         let refused = setup.data().err().expect("another size").to_string();

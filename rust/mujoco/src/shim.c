@@ -21,7 +21,7 @@ static void* symbol(void* library, const char* name) { return dlsym(library, nam
   X(mj_copyModel) X(mj_deleteModel) X(mj_makeData) X(mj_deleteData) X(mj_isSparse) X(mj_version) X(mj_step)         \
   X(mj_forward) X(mj_fwdPosition) X(mj_fwdVelocity) X(mj_fwdActuation) X(mj_fwdAcceleration) X(mj_fwdConstraint)   \
   X(mj_RungeKutta) X(mj_Euler) X(mj_implicit) X(mj_energyPos) X(mj_energyVel) X(mj_solveM) X(mj_solveM2)            \
-  X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacTVec) X(mj_id2name)
+  X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacTVec) X(mj_mulM) X(mj_id2name)
 
 // The handler of one thread only: not in the public headers, but what MuJoCo's own bindings trap errors with. Its type
 // is checked by use; the library is of exactly the version of the headers.
@@ -136,8 +136,16 @@ void oarlock_view_rows(mjData* d, oarlock_rows* view) {
     .ne = d->ne, .nefc = d->nefc, .njacobian = d->nJ, .nisland = d->nisland, .id = d->efc_id,
     .rownnz = d->efc_J_rownnz, .rowadr = d->efc_J_rowadr, .colind = d->efc_J_colind, .jacobian = d->efc_J,
     .pos = d->efc_pos, .vel = d->efc_vel, .aref = d->efc_aref, .softness = d->efc_R,
-    .law = d->efc_KBIP, .force = d->efc_force,
+    .law = d->efc_KBIP, .force = d->efc_force, .type = d->efc_type, .stiffness = d->efc_D,
+    .friction_loss = d->efc_frictionloss,
   };
+}
+
+int oarlock_cone(const mjData* d, int contact, double* mu, double* friction) {
+  const mjContact* c = d->contact + contact;
+  *mu = c->mu;
+  memcpy(friction, c->friction, 5 * sizeof(double));
+  return c->dim;
 }
 
 // The second half of mj_step.
@@ -181,6 +189,11 @@ int oarlock_whiten(const mjModel* m, mjData* d, int count, double* x, const doub
 // x = M⁻¹ y, both nv.
 int oarlock_solve_mass(const mjModel* m, mjData* d, double* x, const double* y, char* message) {
   TRAPPED(message, api.mj_solveM(m, d, x, y, 1));
+}
+
+// y = M x, both nv.
+int oarlock_multiply_mass(const mjModel* m, const mjData* d, double* y, const double* x, char* message) {
+  TRAPPED(message, api.mj_mulM(m, d, y, x));
 }
 
 // y = Jᵀ x, nv of nefc.

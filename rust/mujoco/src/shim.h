@@ -35,6 +35,8 @@ typedef struct {
   const int *id, *rownnz, *rowadr, *colind;
   const double *jacobian, *pos, *vel, *aref, *softness, *law;
   double *force;
+  const int *type;
+  const double *stiffness, *friction_loss;
 } oarlock_rows;
 
 // Calls that take nothing but a model and its data; mirrored in library.rs.
@@ -51,6 +53,8 @@ enum {
 // Kinds whose numbers library.rs knows.
 _Static_assert(mjOBJ_GEOM == 5 && mjOBJ_SITE == 6 && mjOBJ_EQUALITY == 17 && mjOBJ_TENDON == 18, "mjtObj");
 _Static_assert(mjEQ_CONNECT == 0 && mjEQ_WELD == 1 && mjEQ_JOINT == 2 && mjEQ_TENDON == 3, "mjtEq");
+_Static_assert(mjCNSTR_FRICTION_DOF == 1 && mjCNSTR_FRICTION_TENDON == 2 && mjCNSTR_LIMIT_JOINT == 3, "mjtConstraint");
+_Static_assert(mjCNSTR_LIMIT_TENDON == 4 && mjCNSTR_CONTACT_ELLIPTIC == 7, "mjtConstraint");
 _Static_assert(mjWRAP_JOINT == 1 && mjWRAP_PULLEY == 2 && mjWRAP_SITE == 3 && mjWRAP_CYLINDER == 5, "mjtWrap");
 _Static_assert(mjNEQDATA == 12 && sizeof(mjtBool) == 1, "mjmodel.h");
 

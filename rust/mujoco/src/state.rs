@@ -6,6 +6,7 @@ use oarlock_core::{ConstrainedSystem, FactoredStep};
 use crate::curvature::Curvature;
 use crate::error::Error;
 use crate::gaps::Gaps;
+use crate::inequalities::{Inequalities, Rows};
 use crate::inertia::Inertia;
 use crate::library::{Data, Jacobian, Model};
 
@@ -39,6 +40,7 @@ pub struct State {
     curvature: Vec<f64>,
     aref: Vec<f64>,
     gaps: Gaps,
+    others: Rows,
 }
 
 impl State {
@@ -58,17 +60,16 @@ impl State {
             curvature: Vec::new(),
             aref: Vec::new(),
             gaps: Gaps::new(model),
+            others: Rows::default(),
         })
     }
 
     /// Takes the fields from the data.
     ///
     /// # Errors
-    /// [`Error::Inequalities`]: rows other than equality rows are active; those of [`Curvature::write`].
+    /// Those of [`Curvature::write`].
     pub fn read(&mut self, data: &mut Data) -> Result<(), Error> {
-        if data.nefc() != data.ne() {
-            return Err(Error::Inequalities { time: data.time() });
-        }
+        self.others.read(data);
         let ne = data.ne();
         if self.curvature.len() != ne {
             self.curvature.resize(ne, 0.0);
@@ -91,15 +92,30 @@ impl State {
         &self.curvature
     }
 
-    /// Assembles the question of the state as it was last read.
-    ///
-    /// # Errors
-    /// Those of [`Inertia::assemble`].
-    pub fn ask(&mut self, data: &mut Data, form: Form, system: &mut ConstrainedSystem) -> Result<(), Error> {
-        self.ask_by(data, form, system, Data::whiten)
+    /// Limits, friction loss and contacts.
+    #[must_use]
+    pub const fn others(&self) -> &Rows {
+        &self.others
     }
 
-    /// The same with somebody else's call of [`Data::whiten`]: for timing it.
+    /// Assembles the question of the state as it was last read, with the forces of its limits, friction loss and contacts among
+    /// the smooth ones: those that `inequalities` finds.
+    ///
+    /// # Errors
+    /// Those of [`Inertia::assemble`] and [`Inequalities::answer`].
+    pub fn ask(
+        &mut self,
+        data: &mut Data,
+        form: Form,
+        system: &mut ConstrainedSystem,
+        inequalities: &mut Inequalities,
+    ) -> Result<(), Error> {
+        self.ask_by(data, form, system, Data::whiten)?;
+        let Self { others, inertia, unconstrained, aref, .. } = self;
+        inequalities.answer(data, others, inertia, system, unconstrained, aref)
+    }
+
+    /// The question of the equality rows alone, with somebody else's call of [`Data::whiten`]: for timing it.
     ///
     /// # Errors
     /// As [`ask`](Self::ask).
@@ -153,18 +169,6 @@ impl State {
 mod tests {
     use super::*;
     use crate::library::testing::{LENGTH, PENDULUM, data, model};
-
-    #[test]
-    fn contacts_are_told_with_their_time() {
-        let model = model(
-            r#"<mujoco><worldbody><geom type="plane" size="1 1 1"/>
-              <body pos="0 0 .05"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"#,
-        );
-        let mut touching = data(&model, model.qpos0(), &[0.0; 6]);
-        touching.set_time(0.25);
-        let read = State::new(&model, Baumgarte::default()).expect("no equalities").read(&mut touching);
-        assert_eq!(read, Err(Error::Inequalities { time: 0.25 }));
-    }
 
     #[test]
     fn j_is_the_same_dense_and_in_compressed_rows() {

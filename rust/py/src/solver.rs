@@ -63,6 +63,11 @@ impl Info {
 }
 
 impl Info {
+    /// The same figures, as of a solve that is inaccurate.
+    pub fn doubted(&self) -> Self {
+        Self { status: core::Status::Inaccurate.name(), ..self.clone() }
+    }
+
     /// The same figures, looked at again by `look` where the solve was inaccurate.
     pub fn reviewed(&self, look: impl FnOnce(&mut core::Info)) -> Self {
         let mut info = core::Info { tolerance: self.tolerance, ..core::Info::trivial(0.0) };

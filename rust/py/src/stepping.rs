@@ -57,7 +57,7 @@ impl Setup {
     /// states are kept whole.
     #[new]
     #[allow(clippy::too_many_arguments)] // keywords in Python
-    #[pyo3(signature = (model, *, qpos, qvel, laws, beta, k, observed, conserved, snapshots))]
+    #[pyo3(signature = (model, *, qpos, qvel, laws, beta, k, observed, conserved, inequalities, snapshots))]
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyAny>,
@@ -68,6 +68,7 @@ impl Setup {
         k: f64,
         observed: Option<(String, usize)>,
         conserved: bool,
+        inequalities: bool,
         snapshots: Vec<usize>,
     ) -> PyResult<Self> {
         if !model.is_instance(&py.import("mujoco")?.getattr("MjModel")?)? {
@@ -103,6 +104,7 @@ impl Setup {
             baumgarte: Baumgarte { beta, k },
             observed,
             conserved,
+            inequalities,
             snapshots,
         };
         Ok(Self { inner })
@@ -299,7 +301,7 @@ impl Run {
     }
 
     /// What ended it before its last step: its step, time (s), and why, as (kind, message) with kind "not-finite",
-    /// "inequalities", "control" or "refused". None if nothing did. Raises what MuJoCo raised.
+    /// "control" or "refused". None if nothing did. Raises what MuJoCo raised.
     #[getter]
     fn end(&self, py: Python<'_>) -> PyResult<Option<(usize, f64, &'static str, String)>> {
         let run = self.take()?;
@@ -307,7 +309,6 @@ impl Run {
         let (kind, message) = match &end.error {
             None => ("not-finite", String::new()),
             Some(error @ native::Error::Mujoco(_)) => return Err(raised(py, error)),
-            Some(error @ native::Error::Inequalities { .. }) => ("inequalities", error.to_string()),
             // MuJoCo's integrators are asked at their stages, not at the time of the state.
             Some(error @ native::Error::Control { time, .. }) => {
                 return Ok(Some((end.step, *time, "control", error.to_string())));

@@ -132,6 +132,12 @@ impl ConstrainedSystem {
         Ok(info.reviewed(|info| system.confirm(qacc, reference, info)))
     }
 
+    /// The figures of a solve that converged, as inaccurate: what goes with it is not proved.
+    #[allow(clippy::unused_self)] // beside `confirm`, which says the contrary
+    fn doubt(&self, info: &Info) -> Info {
+        info.doubted()
+    }
+
     /// Jᵀ λ (nv) of λ (n).
     fn force<'py>(
         &self,

@@ -33,7 +33,20 @@ that a motor drives through a dead point turns back there within one step of the
 FINER_WORK = 4_000_000
 """Steps times velocities up to which that is done: some ten seconds."""
 
-_FIGURES = ("rank", "drift_pos", "drift_vel", "drift_acc", "error_estimate", "qpos", "residual", "multipliers")
+_FIGURES = (
+    "rank",
+    "drift_pos",
+    "drift_vel",
+    "drift_acc",
+    "error_estimate",
+    "qpos",
+    "residual",
+    "multipliers",
+    "blocked",
+    "limit_force",
+    "friction_force",
+    "contact_force",
+)
 
 
 @dataclass(frozen=True)
@@ -47,9 +60,11 @@ class ExactRun:
         force: minimum-norm multipliers λ, N or N m, in MuJoCo's sign.
         drift: largest r, J v and J a + J̇v of any row, (steps, 3), m or rad, per s, per s².
         rank: of A.
+        blocked: limits and contacts that push against loops alone, (steps).
+        loads: largest force of a limit, of a friction loss, and of all contacts together, (steps, 3), N or N m.
         error: how far positions are off by the run's own estimate, (steps), m or rad; infinite where it is not known.
-        end: ``refused`` where a contact, limit or friction became active, which the exact solution does not know, or
-            where the start could not be solved for; ``diverged`` where a later state could not, or was beyond bounds.
+        end: ``refused`` where the start could not be solved for; ``diverged`` where a later state could not, or was
+            beyond bounds.
     """
 
     layout: Layout
@@ -63,6 +78,8 @@ class ExactRun:
     present: np.ndarray
     drift: np.ndarray
     rank: np.ndarray
+    blocked: np.ndarray
+    loads: np.ndarray
     error: np.ndarray
     end: End
 
@@ -141,12 +158,18 @@ class _Rows:
         self.present = np.zeros((steps, layout.rows), dtype=bool)
         self.drift, self.rank = np.zeros((steps, 3)), np.zeros(steps, int)
         self.error = np.zeros(steps)
+        self.blocked, self.loads = np.zeros(steps, int), np.zeros((steps, 3))
 
     def take(self, chunk: pl.DataFrame) -> None:
         """Takes rows of a table of steps."""
         vectors = zip(*(chunk[name].to_list() for name in ("qpos", "residual", "multipliers")), strict=True)
         drift = chunk.select("drift_pos", "drift_vel", "drift_acc").to_numpy()
-        self.error[self.taken : self.taken + len(chunk)] = chunk["error_estimate"].to_numpy()
+        span = slice(self.taken, self.taken + len(chunk))
+        self.error[span] = chunk["error_estimate"].to_numpy()
+        self.blocked[span] = chunk["blocked"].fill_null(0).to_numpy()
+        self.loads[span] = chunk.select(
+            pl.col("limit_force", "friction_force", "contact_force").fill_null(0.0)
+        ).to_numpy()
         for (qpos, position, force), figures, rank in zip(vectors, drift, chunk["rank"].to_list(), strict=True):
             self._append(np.array(qpos), np.array(position), np.array(force), figures, rank)
 
@@ -180,6 +203,8 @@ class _Rows:
             present=self.present[:n],
             drift=self.drift[:n],
             rank=self.rank[:n],
+            blocked=self.blocked[:n],
+            loads=self.loads[:n],
             error=self.error[:n],
             end=end,
         )

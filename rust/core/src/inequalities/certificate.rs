@@ -36,7 +36,7 @@ pub struct Certificate {
     pub gradient: f64,
     /// The part of the same that rounding of x explains.
     pub rounding: f64,
-    /// Largest product of a force and its slack beside the energies of all rows.
+    /// Largest product of a force and its slack beside the energies of all rows, those of equalities among them.
     pub complementarity: f64,
     /// Duality gap beside the same.
     pub gap: f64,
@@ -61,6 +61,8 @@ pub(super) struct Notary {
     x: Vec<f64>,
     f: Vec<f64>,
     pieces: Vec<Piece>,
+    /// Rounding of x.
+    noise: Vec<f64>,
 }
 
 impl Notary {
@@ -91,15 +93,18 @@ impl Notary {
         for (length, force) in frame.lengths.iter().zip(forces) {
             size = size.hypot(length * force);
         }
+        self.noise.clear();
         for row in 0..m {
             let length = frame.lengths[row];
+            self.noise.push(ROUNDING * (frame.terms[row] + rates[row].abs() + length * size));
             off = off.hypot(length * (forces[row] - self.f[row]));
             if self.pieces[row].is_curved() {
-                let terms = frame.terms[row] + rates[row].abs() + length * size;
-                noise = noise.hypot(length * step.stiffness[row] * ROUNDING * terms);
+                noise = noise.hypot(length * step.stiffness[row] * self.noise[row]);
             }
         }
-        let (energy, complementarity, gap, outside) = self.gaps(step, forces, cost);
+        let (own, complementarity, gap, outside) = self.gaps(step, forces, cost);
+        // Beside a mechanism that is hard at work, a row that hardly works is off by the rounding of the others.
+        let energy = own + size * size;
         let relative = |value: f64, scale: f64| if value > 0.0 { value / scale } else { 0.0 };
         Ok(Certificate {
             gradient: relative(off, size),
@@ -135,7 +140,8 @@ impl Notary {
                     let (f, loss) = (forces[row], step.friction_loss[row]);
                     outside = outside.max(f.abs() - loss);
                     // The slack of slipping against the room that the force has left.
-                    own = (loss - f.abs()).max(0.0) * (self.x[row] + f / step.stiffness[row]);
+                    let slip = (self.x[row] + f / step.stiffness[row]).abs();
+                    own = (loss - f.abs()).max(0.0) * (slip - self.noise[row]).max(0.0);
                 }
                 Group::Unilateral => outside = outside.max(-forces[row]),
                 Group::Cone { friction, .. } => {

@@ -50,6 +50,8 @@ impl ConstrainedSystem {
         self.unconstrained.copy_from_slice(unconstrained);
         self.ask(aref);
         self.judges.adjourn();
+        // Whether somebody formed A for the question before must not change how this one is answered.
+        self.formed = false;
         check_size("b", self.rhs.as_slice()).inspect_err(|_| *self = Self::default())
     }
 }

@@ -5,6 +5,7 @@ use oarlock_core::{Info, Status};
 use crate::drive::Drive;
 use crate::error::Error;
 use crate::force::Tally;
+use crate::inequalities::{Inequalities, Loads, Rows};
 use crate::library::{Data, with_controls};
 use crate::projection::Projector;
 use crate::run::Setup;
@@ -99,6 +100,32 @@ impl Tally {
         steps.maybe("rank_margin", known.margin.filter(|margin| margin.is_finite()));
         steps.int("rank_rises", i64::from(known.risen || self.risen));
     }
+}
+
+/// Writes down what limits, friction loss and contacts do at the start of a step; nothing of a state without.
+pub(super) fn pushing(steps: &mut Steps, rows: &Rows, inequalities: &Inequalities) {
+    loads(steps, rows, inequalities.forces());
+    steps.maybe_size("active", inequalities.report.map(|report| report.active));
+    steps.maybe_size("blocked", inequalities.report.map(|report| report.blocked));
+}
+
+/// Writes down what it took to find that out, in all solves of the step.
+pub(super) fn proving(steps: &mut Steps, tally: &Tally) {
+    let counted = |count: i64| tally.pushed.then(|| usize::try_from(count).unwrap_or(0));
+    steps.maybe_size("active_changes", counted(i64::from(tally.changed)));
+    steps.maybe_size("newton", counted(tally.newton));
+    steps.maybe_size("newton_worst", counted(tally.newton_worst));
+    steps.maybe("optimality", tally.pushed.then_some(tally.optimality));
+}
+
+/// Writes down how many limits, friction losses and contacts there are, and how hard they push with such forces.
+pub(super) fn loads(steps: &mut Steps, rows: &Rows, forces: &[f64]) {
+    let found = (forces.len() == rows.len() && !rows.is_empty()).then(|| rows.loads(forces));
+    steps.maybe_size("inequalities", found.map(|_| rows.len()));
+    let of = |load: fn(&Loads) -> f64| found.as_ref().map(load);
+    steps.maybe("limit_force", of(|loads| loads.limit));
+    steps.maybe("friction_force", of(|loads| loads.friction));
+    steps.maybe("contact_force", of(|loads| loads.contact));
 }
 
 /// Writes down what the projection at the end of the step took.

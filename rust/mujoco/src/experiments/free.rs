@@ -6,7 +6,7 @@ use std::sync::Arc;
 use oarlock_core::{Info, Status};
 
 use super::Solver;
-use super::common::{Companion, MujocoWalker, apart, projecting};
+use super::common::{Companion, MujocoWalker, apart, loads, projecting, proving, pushing};
 use crate::error::Error;
 use crate::force::{SolvedForce, Tally};
 use crate::library::Data;
@@ -53,6 +53,9 @@ impl Experiment for FreeMujoco {
         steps.int("unconverged", 0);
         steps.int("iterations", iterations);
         steps.int("iterations_worst", iterations);
+        if self.notes.inequalities {
+            loads(steps, self.state.others(), &data.force()[data.ne()..]);
+        }
         self.notes.free(steps, step, data)
     }
 
@@ -253,6 +256,9 @@ impl Experiment for FreeSolved {
         let (multipliers, info) = force.system.reference(&*force.solver)?;
         steps.float("min_norm_error", relative_difference(&force.answer.multipliers, multipliers));
         *known = *info;
+        if notes.inequalities {
+            pushing(steps, force.state.others(), &force.inequalities);
+        }
         Ok(())
     }
 
@@ -261,7 +267,11 @@ impl Experiment for FreeSolved {
     }
 
     fn finish(&mut self, step_us: f64) -> Result<(), Error> {
-        mem::take(&mut self.walker.force.tally).write(&mut self.steps, &self.known);
+        let tally = mem::take(&mut self.walker.force.tally);
+        tally.write(&mut self.steps, &self.known);
+        if self.notes.inequalities {
+            proving(&mut self.steps, &tally);
+        }
         projecting(&mut self.steps, self.walker.projector.as_ref());
         self.steps.float("step_us", step_us);
         Ok(())

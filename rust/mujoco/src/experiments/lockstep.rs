@@ -1,17 +1,18 @@
 //! Everyone answers the same questions along one walk.
 
-use oarlock_core::ConstrainedSystem;
+use oarlock_core::{ConstrainedSystem, Status};
 
 use super::Solver;
-use super::common::{MujocoWalker, projecting};
+use super::common::{MujocoWalker, projecting, proving, pushing};
 use crate::error::Error;
 use crate::force::{Answer, SolvedForce, Tally};
+use crate::inequalities::Inequalities;
 use crate::library::Data;
 use crate::projection::Projector;
 use crate::run::{Experiment, Notes, Run, Setup, Snapshot};
 use crate::state::{Form, State};
 use crate::steps::Steps;
-use crate::vectors::relative_difference;
+use crate::vectors::{norm, relative_difference};
 use crate::walker::ForcedWalker;
 
 /// Who walks in lockstep.
@@ -24,6 +25,7 @@ enum Leader {
 struct Question {
     form: Form,
     system: ConstrainedSystem,
+    inequalities: Inequalities,
     answer: Answer,
     solvers: Vec<(Solver, Steps)>,
 }
@@ -35,6 +37,9 @@ struct Lockstep {
     qacc: Vec<f64>,
     qfrc: Vec<f64>,
     own: [Vec<f64>; 3],
+    /// MuJoCo's gradient, M a − f − Jᵀ λ, over the smooth and the constraint forces.
+    gradient: f64,
+    left: Vec<f64>,
 }
 
 /// A form, and who answers in it.
@@ -62,6 +67,7 @@ pub fn lockstep(
     let question = |(form, solvers): Asked| Question {
         form,
         system: ConstrainedSystem::new(),
+        inequalities: Inequalities::default(),
         answer: Answer::new(nv),
         solvers: solvers.into_iter().map(|solver| (solver, Steps::default())).collect(),
     };
@@ -72,6 +78,8 @@ pub fn lockstep(
         qacc: vec![0.0; nv],
         qfrc: vec![0.0; nv],
         own: [vec![0.0; nv], vec![0.0; nv], Vec::new()],
+        gradient: 0.0,
+        left: vec![0.0; nv],
     };
     Ok(Run::new(experiment, steps))
 }
@@ -107,6 +115,23 @@ impl Lockstep {
     }
 }
 
+impl Lockstep {
+    /// How far MuJoCo's own answer here is from the minimum that it is after.
+    fn find_gradient(&mut self) -> Result<(), Error> {
+        let data = match &self.leader {
+            Leader::Mujoco(theirs) => &theirs.0.data,
+            Leader::Solver(walker) => &walker.data,
+        };
+        data.multiply_mass(&mut self.left, &self.qacc)?;
+        for ((entry, smooth), force) in self.left.iter_mut().zip(data.qfrc_smooth()).zip(&self.qfrc) {
+            *entry = *entry - smooth - force;
+        }
+        let (left, whole) = (norm(&self.left), norm(data.qfrc_smooth()) + norm(&self.qfrc));
+        self.gradient = if whole > 0.0 { left / whole } else { left };
+        Ok(())
+    }
+}
+
 impl Experiment for Lockstep {
     fn look(&mut self) -> Result<(), Error> {
         match &mut self.leader {
@@ -120,18 +145,33 @@ impl Experiment for Lockstep {
 
     fn record(&mut self, step: usize) -> Result<(), Error> {
         self.ask_mujoco()?;
+        if self.notes.inequalities {
+            self.find_gradient()?;
+        }
         let (data, state) = match &mut self.leader {
             Leader::Mujoco(theirs) => (&mut theirs.0.data, &mut theirs.1),
             Leader::Solver(walker) => (&mut walker.data, &mut walker.force.state),
         };
         for question in &mut self.questions {
-            let Question { form, system, answer, solvers } = question;
-            state.ask(data, *form, system)?;
+            let Question { form, system, inequalities, answer, solvers } = question;
+            state.ask(data, *form, system, inequalities)?;
+            let mut remembered = false;
             for (solver, steps) in solvers {
-                answer.fill(data, state, system, &mut **solver)?;
+                answer.fill(data, state, system, inequalities, &mut **solver)?;
+                if !remembered && answer.info.status == Status::Converged {
+                    inequalities.remember(&answer.qacc);
+                    remembered = true;
+                }
                 self.notes.state(steps, step, data, state, &answer.qacc);
                 let mut tally = Tally::default();
                 tally.add(&answer.info, answer.elapsed);
+                if self.notes.inequalities {
+                    tally.add_inequalities(inequalities);
+                    pushing(steps, state.others(), inequalities);
+                    proving(steps, &tally);
+                    let known = !state.others().is_empty();
+                    steps.maybe("mujoco_optimality", known.then_some(self.gradient));
+                }
                 let (multipliers, known) = system.reference(&**solver)?;
                 tally.write(steps, known);
                 steps.float("min_norm_error", relative_difference(&answer.multipliers, multipliers));

@@ -1,7 +1,7 @@
 //! One step from each of MuJoCo's states.
 
 use super::Solver;
-use super::common::{MujocoWalker, apart};
+use super::common::{MujocoWalker, apart, proving, pushing};
 use crate::error::Error;
 use crate::force::{SolvedForce, Tally};
 use crate::library::Data;
@@ -54,8 +54,14 @@ impl Experiment for OneStep {
             let known = walker.force.answer.info;
             self.notes.state(steps, step, &walker.data, &walker.force.state, walker.data.qacc());
             steps.list("multipliers", &walker.force.answer.multipliers);
+            if self.notes.inequalities {
+                pushing(steps, walker.force.state.others(), &walker.force.inequalities);
+            }
             walker.step()?;
             walker.force.tally.write(steps, &known);
+            if self.notes.inequalities {
+                proving(steps, &walker.force.tally);
+            }
         }
         Ok(())
     }

@@ -142,6 +142,11 @@ impl ForceLaw for ClockedForce {
         let Self { state, system, answer, tally, solver, watch } = self;
         watch.lap(Part::Stages);
         state.read(data)?;
+        if !state.others().is_empty() {
+            return Err(Error::Refused(
+                "limits, friction loss or contacts act, expected equality rows only".to_owned(),
+            ));
+        }
         watch.lap(Part::Rows);
         state.ask_by(data, Form::Hard, system, |data, whitened, rows, roots| {
             watch.lap(Part::Question);
@@ -160,7 +165,7 @@ impl ForceLaw for ClockedForce {
         state.acceleration(data, system, &answer.multipliers, &mut answer.qfrc, &mut answer.qacc)?;
         data.qacc_mut().copy_from_slice(&answer.qacc);
         data.qfrc_constraint_mut().copy_from_slice(&answer.qfrc);
-        data.force_mut().copy_from_slice(&answer.multipliers);
+        data.write_force(&answer.multipliers, &[]);
         tally.add(&answer.info, Duration::ZERO);
         watch.lap(Part::Force);
         Ok(())

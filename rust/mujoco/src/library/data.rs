@@ -6,8 +6,9 @@ use std::slice;
 use std::sync::Arc;
 
 use super::ffi::{
-    DataView, RowsView, oarlock_delete_data, oarlock_jacobian_transposed_times, oarlock_make_data,
-    oarlock_run, oarlock_solve_mass, oarlock_view_data, oarlock_view_rows, oarlock_whiten,
+    DataView, RowsView, oarlock_cone, oarlock_delete_data, oarlock_jacobian_transposed_times,
+    oarlock_make_data, oarlock_multiply_mass, oarlock_run, oarlock_solve_mass, oarlock_view_data,
+    oarlock_view_rows, oarlock_whiten,
 };
 use super::model::Model;
 use super::{array, arrays, size, trapped};
@@ -229,6 +230,27 @@ impl Data {
         })
     }
 
+    /// `y` = M `x`, both nv; the position stage must be valid.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    ///
+    /// # Panics
+    /// If the slices are not of this length.
+    pub fn multiply_mass(&self, y: &mut [f64], x: &[f64]) -> Result<(), Error> {
+        assert_eq!((x.len(), y.len()), (self.model.nv(), self.model.nv()));
+        // SAFETY: the lengths are right.
+        trapped(|message| unsafe {
+            oarlock_multiply_mass(
+                self.model.raw.as_ptr(),
+                self.raw.as_ptr(),
+                y.as_mut_ptr(),
+                x.as_ptr(),
+                message,
+            )
+        })
+    }
+
     /// `product` (nv) = Jᵀ `x` (nefc).
     ///
     /// # Errors
@@ -312,7 +334,62 @@ rows! {
     softness: f64;
 }
 
+/// The rows of limits, friction loss and contacts: those after the equality rows, `nefc − ne` of them.
+#[derive(Debug, Clone, Copy)]
+pub struct InequalityRows<'a> {
+    /// Kind of each, mjtConstraint.
+    pub kind: &'a [c_int],
+    /// What each is of: a velocity, tendon, joint or contact by its number.
+    pub id: &'a [c_int],
+    /// Accelerations that MuJoCo asks of them.
+    pub aref: &'a [f64],
+    /// Distances: negative of what is violated or penetrates, m or rad.
+    pub pos: &'a [f64],
+    /// D = 1/R.
+    pub stiffness: &'a [f64],
+    /// Largest forces of rows of friction loss.
+    pub friction_loss: &'a [f64],
+}
+
+/// An elliptic contact: number of its rows, μ of its regularised cone, and its friction coefficients.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cone {
+    /// Number of rows.
+    pub dim: usize,
+    /// μ.
+    pub mu: f64,
+    /// Tangential, torsional and rolling.
+    pub friction: [f64; 5],
+}
+
 impl Data {
+    /// Rows of limits, friction loss and contacts, as they stand after the velocity stage.
+    #[must_use]
+    pub fn inequalities(&self) -> InequalityRows<'_> {
+        let (ne, all) = (self.ne(), self.nefc());
+        let rows = &self.rows;
+        // SAFETY: as for the other rows, all nefc of them.
+        unsafe {
+            InequalityRows {
+                kind: &array(rows.kind, all)[ne..],
+                id: &array(rows.id, all)[ne..],
+                aref: &array(rows.aref, all)[ne..],
+                pos: &array(rows.pos, all)[ne..],
+                stiffness: &array(rows.stiffness, all)[ne..],
+                friction_loss: &array(rows.friction_loss, all)[ne..],
+            }
+        }
+    }
+
+    /// An elliptic contact, by the number that its rows have as `id`.
+    #[must_use]
+    pub fn cone(&self, contact: c_int) -> Cone {
+        let (mut mu, mut friction) = (0.0, [0.0; 5]);
+        // SAFETY: `id` of a contact's row is the number of a contact; room for five coefficients.
+        let dim = unsafe { oarlock_cone(self.raw.as_ptr(), contact, &raw mut mu, friction.as_mut_ptr()) };
+        Cone { dim: usize::try_from(dim).unwrap_or(0), mu, friction }
+    }
+
     /// Stiffness K, damping B, impedance d, and its derivative, of each row, ne.
     #[must_use]
     pub fn law(&self) -> &[[f64; 4]] {
@@ -361,6 +438,23 @@ writable! {
 }
 
 impl Data {
+    /// Writes the forces of all rows: multipliers (ne) of the equalities, then those of the others (nefc − ne).
+    ///
+    /// # Panics
+    /// If they are not as many.
+    pub fn write_force(&mut self, multipliers: &[f64], others: &[f64]) {
+        let (own, rest) = self.force_mut().split_at_mut(multipliers.len());
+        own.copy_from_slice(multipliers);
+        rest.copy_from_slice(others);
+    }
+
+    /// Multipliers of the equality rows, ne.
+    #[must_use]
+    pub fn multipliers(&self) -> &[f64] {
+        // SAFETY: as for the other rows.
+        unsafe { array(self.rows.force, self.ne()) }
+    }
+
     /// Multipliers of all rows, nefc.
     pub fn force_mut(&mut self) -> &mut [f64] {
         let count = self.nefc();

@@ -94,6 +94,9 @@ pub(super) struct RowsView {
     pub(super) softness: *const f64,
     pub(super) law: *const f64,
     pub(super) force: *mut f64,
+    pub(super) kind: *const c_int,
+    pub(super) stiffness: *const f64,
+    pub(super) friction_loss: *const f64,
 }
 
 pub(super) type Control = extern "C" fn(*mut c_void, f64, *mut f64);
@@ -142,6 +145,19 @@ unsafe extern "C" {
         data: *mut c_void,
         x: *mut f64,
         y: *const f64,
+        message: *mut c_char,
+    ) -> c_int;
+    pub(super) fn oarlock_cone(
+        data: *const c_void,
+        contact: c_int,
+        mu: *mut f64,
+        friction: *mut f64,
+    ) -> c_int;
+    pub(super) fn oarlock_multiply_mass(
+        model: *const c_void,
+        data: *const c_void,
+        y: *mut f64,
+        x: *const f64,
         message: *mut c_char,
     ) -> c_int;
     pub(super) fn oarlock_jacobian_transposed_times(
