@@ -12,12 +12,14 @@ from oarlock.cases.case import load_case
 from oarlock.cases.integrators import RUNNING
 from oarlock.diagnosis.loops.events import RankHistory, rank_events
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
+from oarlock.diagnosis.loops.stops import Stops, find_stops
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.runs import controls
-from oarlock.diagnosis.runs.drifts import Drift, find_drifts
+from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
 from oarlock.diagnosis.runs.exact import ExactRun, record_exact
+from oarlock.diagnosis.runs.lag import Lag, find_lags
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
@@ -66,6 +68,8 @@ class Examination:
         history: the rank along the exact motion, or along MuJoCo's where there is none.
         recipe: what would hold it.
         reactions: which are unique.
+        lags: couplings that lag because their joints rub.
+        stops: the limits that lock it at the closed start.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         missing: part → why it is not there.
     """
@@ -92,6 +96,8 @@ class Examination:
     history: RankHistory | None = None
     recipe: Recipe | None = None
     reactions: Uniqueness | None = None
+    lags: tuple[Lag, ...] = ()
+    stops: Stops | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
     missing: dict[str, str] = field(default_factory=dict)
@@ -245,10 +251,14 @@ def _run(found: Examination) -> None:
             if end.how == "diverged":  # what it showed before proves nothing
                 found.exact = None
                 found.missing["exact"] = f"it diverged at t = {end.time_s:.6g} s: {end.message}"
+        data = _data(found)
+        data.qpos[:] = found.pose.qpos
+        found.stops = find_stops(found.model, data)
     else:
         found.missing["exact"] = "there is no closed start to run it from"
     if found.recording is not None:
         found.drifts = find_drifts(found.recording, found.exact)
+        found.lags = find_lags(found.recording, found.qpos, found.qvel, found.laws, VISIBLE)
 
 
 def _causes(found: Examination) -> None:

@@ -9,6 +9,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+import polars as pl
+
 from oarlock.base.files import write_text
 from oarlock.render.folder import CONTENTS, require_report, write_whole
 from oarlock.render.page import Figure, drawable, page
@@ -20,6 +22,18 @@ from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES, shown
 from oarlock.tables.folder import OCCASION, ResultFolder, believing, occasion_of
 
+PUSHING = {
+    "limit_force": ("largest force of a limit (N or N m)", "The largest force of a limit."),
+    "friction_force": ("largest force of a friction loss (N or N m)", "The largest force of a friction loss."),
+    "contact_force": (
+        "sum of the normal forces (N)",
+        "The normal forces of all contacts together. Limits, friction and contacts are the same for both: what differs "
+        "is the softness of the loops.",
+    ),
+    "active": ("rows that push", "How many rows of limits, friction loss and contacts push with exact loops."),
+}
+"""Column of the steps → title of its axis, and what the figure shows."""
+
 
 def draw(tables: Tables) -> list[Figure]:
     """Draws the figures that the runs of a folder allow."""
@@ -30,7 +44,7 @@ def draw(tables: Tables) -> list[Figure]:
             figures.mechanism(tables.sketch),
         )
     ]
-    columns = ("time_s", "qpos", "truth_error", "residual")
+    columns = ("time_s", "qpos", "truth_error", "residual", *PUSHING)
     free = {who: tables.steps(row, *columns) for who, row in tables.free_runs().items()}
     pair = {who: free[who] for who in ("MuJoCo default", "exact (pinv)") if who in free}
     if pair:
@@ -52,6 +66,7 @@ def draw(tables: Tables) -> list[Figure]:
         chart = figures.deviations(free, equality["rows"], equality["name"], equality["unit"])
         caption = f"Deviations of the constraint rows of '{equality['name']}': how far the loop stands open."
         drawn.append(Figure("deviations", caption, chart))
+    drawn += _pushing(free)
     iterating = tables.pick(mode="lockstep", form="hard", walker="pinv", solver="sr1")
     if iterating:
         steps = tables.steps(iterating, "time_s", "iterations", "min_norm_error")
@@ -63,6 +78,16 @@ def draw(tables: Tables) -> list[Figure]:
         caption = "Distance of sr1's multipliers from the minimum-norm ones, relative, at the same states."
         chart = figures.over_time({"exact (sr1)": steps}, "min_norm_error", "‖λ − A⁺b‖ / ‖A⁺b‖")
         drawn.append(Figure("min_norm", caption, chart))
+    return drawn
+
+
+def _pushing(free: dict[str, pl.DataFrame]) -> list[Figure]:
+    """Forces of limits, friction loss and contacts over time, and how many rows of them push."""
+    drawn = []
+    for column, (title, caption) in PUSHING.items():
+        acting = {who: steps for who, steps in free.items() if (steps[column].fill_null(0) > 0).any()}
+        if acting:
+            drawn.append(Figure(column, caption, figures.over_time(acting, column, title)))
     return drawn
 
 

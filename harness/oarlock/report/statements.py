@@ -70,6 +70,7 @@ def statements(tables: Tables, compared: Compared) -> list[str]:
         _stepping,
         _matched,
         _exact,
+        _pushing,
         _curvature,
         _projection,
         _iterations,
@@ -141,6 +142,30 @@ def _exact(tables: Tables, compared: Compared) -> Iterator[str]:
         said += f", MuJoCo stiff {away(stiff)}" if stiff else ""
         said += "."
     yield said
+
+
+def _pushing(_: "Tables", compared: Compared) -> Iterator[str]:
+    row = compared.exact
+    if not row or row.get("newton_mean") is None:
+        return
+    forces = {"limits": "limit_force_max", "friction": "friction_force_max", "contacts": "contact_force_max"}
+
+    def told(run: Row) -> str:
+        known = [f"{what} {figure(run[name])}" for what, name in forces.items() if run[name]]
+        return ", ".join(known) or "none"
+
+    said = (
+        f"**Limits, friction and contacts** act as MuJoCo has them, beside exact loops: up to {row['active_max']} rows "
+        f"push, and which of them changes in {figure(row['active_changes'])} of {figure(row['steps_done'])} steps. "
+        f"Their forces take {figure(row['newton_mean'])} Newton iterations a solve, {row['newton_max']} at most, and "
+        f"leave a relative gradient of {figure(row['optimality_max'])} beyond rounding. Largest forces, N or N m: "
+        f"{told(row)}"
+    )
+    if compared.default:
+        said += f"; in MuJoCo's run {told(compared.default)}"
+    if row["blocked_max"]:
+        said += f". {row['blocked_max']} of them push against loops that nothing can move"
+    yield f"{said}."
 
 
 def _curvature(tables: Tables, compared: Compared) -> Iterator[str]:

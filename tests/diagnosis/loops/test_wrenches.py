@@ -52,7 +52,7 @@ def moving():
             poses, forces = np.zeros((count, model.nq)), np.zeros((count, start.rows))
             for at in range(count):
                 mujoco.mj_forward(model, data)
-                poses[at], forces[at] = data.qpos, data.efc_force
+                poses[at], forces[at] = data.qpos, data.efc_force[: data.ne]
                 mujoco.mj_step(model, data, every)
             known[name] = model, start, poses, forces
         return known[name]
@@ -80,7 +80,7 @@ def test_virtual_work(name, seed):
     mujoco.mj_integratePos(model, pose, 0.3 * np.random.default_rng(seed).normal(size=model.nv), 1.0)
     assembly.place(pose)
     jacobian = assembly.jacobian()
-    assert np.abs(jacobian).max() > 0.01
+    assert np.abs(jacobian).max() > 1e-3  # cable_finger has pulleys of 10 mm
     for number in range(len(assembly.equalities)):
         rows = assembly.rows_of(number)
         for column, row in enumerate(range(rows.start, rows.stop)):

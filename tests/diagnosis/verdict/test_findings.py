@@ -37,6 +37,10 @@ NAMES = {
     "S3": "locked",
     "R1": "diverged",
     "R2": "inequalities-active",
+    "U3": "shared-with-contacts",
+    "C1": "fights-loop",
+    "C2": "friction-lag",
+    "C3": "locked-by-limits",
     "V1": "version",
     "V2": "sparse-newton",
 }

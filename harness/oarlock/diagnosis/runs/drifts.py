@@ -13,6 +13,11 @@ from oarlock.diagnosis.runs.recording import Recording
 LEVELS = ("position", "velocity", "acceleration")
 
 
+VISIBLE = 1e-4
+"""m or rad. A drift below it, beyond the target or not, is a note: MuJoCo's own softness makes as much of a light load,
+and no picture shows it."""
+
+
 @dataclass(frozen=True)
 class Drift:
     """The largest deviation of one equality in a run, and when it was; None in a unit that it does not have.

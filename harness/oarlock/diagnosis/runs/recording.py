@@ -1,7 +1,6 @@
 """A run of MuJoCo as its user configured it, with everything that the row law needs, step by step.
 
-Only equality rows are kept. Contacts, limits and friction may be active: their forces count as given, and how many of
-their rows there were is noted.
+Only equality rows are kept. Of limits, friction loss and contacts it is noted what each did over the run.
 """
 
 from dataclasses import dataclass
@@ -11,9 +10,12 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
+from oarlock.diagnosis.runs.beside import Beside, find_beside
 from oarlock.diagnosis.runs.controls import drive
+from oarlock.diagnosis.runs.pushes import Push, Pushes
 from oarlock.diagnosis.runs.walking import (
     End,
     diverged,
@@ -29,6 +31,9 @@ from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.stepping.question import Question
+from oarlock.stepping.solvers import SolverSpec
+from oarlock.stepping.state import State
 
 BLOCK_BYTES = 32_000_000
 """Rows in the metric of M are kept for so many bytes of steps at once, to solve them together."""
@@ -50,8 +55,8 @@ class Recording:
         position: r, m or rad (``efc_pos``).
         velocity: ṙ = J v (``efc_vel``).
         force: f, N or N m (``efc_force``).
-        exact_force: f* = (A + R)⁻¹ (aref − J a₀): what a solver without error would give; a₀ is the acceleration
-            without the loops' forces, those of contacts, limits and friction taken as MuJoCo's.
+        exact_force: f*: what a solver without error would give, (A + R)⁻¹ (aref − J a₀), with a₀ the acceleration
+            without the loops' forces; beside limits, friction loss or contacts the solution of the whole problem.
         softness: R (``efc_R``); stiffness: K; damping: B; impedance: d (``efc_KBIP``).
         diagonal_approx: MuJoCo's estimate of the diagonal of A (``efc_diagA``); diagonal: the true one.
         aref: MuJoCo's reference acceleration; reached: J·qacc; curvature: J̇v.
@@ -61,6 +66,8 @@ class Recording:
         other_power: power of everything but loops, gravity and springs, W, (steps): drives, dampers, contacts, limits.
         iterations: of the constraint solver, over all islands.
         others: active rows that are not equalities'.
+        pushes: what each limit, friction loss and contact did.
+        beside: equalities whose reactions those leave open, at the last state in which any pushed.
         warnings: MuJoCo's own, with how often they came.
     """
 
@@ -92,6 +99,8 @@ class Recording:
     other_power: np.ndarray
     iterations: np.ndarray
     others: np.ndarray
+    pushes: tuple[Push, ...]
+    beside: tuple[Beside, ...]
     warnings: dict[str, int]
     end: End
 
@@ -211,7 +220,11 @@ class _Recorder:
         self._block = max(1, min(steps, BLOCK_BYTES // (8 * rows * max(rows, nv))))
         self._whitened = np.zeros((self._block, rows, nv))
         self._missed = np.zeros((self._block, rows))
+        self._whole = np.full((self._block, rows), np.nan)
+        self._state = State(model, data, Baumgarte())
+        self._question, self._solver = Question(self._state, "matched"), SolverSpec("auto").make()
         self._solved = 0
+        self._pushes = Pushes(model)
 
     def run(self, drive: Drive) -> Recording:
         model, data = self._model, self._data
@@ -247,6 +260,8 @@ class _Recorder:
             other_power=self._power[:taken],
             iterations=self._iterations[:taken],
             others=self._others[:taken],
+            pushes=self._pushes.found,
+            beside=find_beside(model, data) if end.how == "finished" else (),
             warnings=warnings_of(data),
             end=end,
         )
@@ -258,6 +273,7 @@ class _Recorder:
         self._iterations[step] = data.solver_niter[: max(1, data.nisland)].sum()
         self._coordinates[step], self._qvel[step], self._qacc[step] = data.qpos, data.qvel, data.qacc
         self._ctrl[step] = data.ctrl
+        self._pushes.take(data)
         self._energy[step] = data.energy
         slot = step - self._solved
         self._whitened[slot] = 0.0
@@ -295,7 +311,17 @@ class _Recorder:
         self._free[step] = data.qacc_smooth + change[1]
         self._whitened[slot, columns] = whiten(model, data, jacobian)
         achieved = jacobian @ (data.qacc_smooth + change[0])
-        self._missed[slot, columns] = data.efc_aref[:ne] - achieved - data.efc_R[:ne] * force
+        missed = data.efc_aref[:ne] - achieved - data.efc_R[:ne] * force
+        self._missed[slot, columns] = missed
+        self._whole[slot] = np.nan
+        if nefc > ne and not np.abs(missed).max() <= NEGLIGIBLE * np.abs(data.efc_R[:ne] * force).max():
+            self._whole[slot, columns] = self._matched()
+
+    def _matched(self) -> np.ndarray:
+        """Multipliers (ne) of the whole problem at the present state, by a solver of ours."""
+        self._state.read()
+        self._question.ask()
+        return self._question.solve(self._solver)[0]
 
     def _solve(self, taken: int) -> None:
         """f* = f + (A + R)⁻¹ (aref − J a − R f) of the steps of a block: exact also where A + R is ill-conditioned."""
@@ -313,6 +339,8 @@ class _Recorder:
             matrices *= scale[:, :, None] * scale[:, None, :]
             np.einsum("nii->ni", matrices)[:] = 1.0
             exact[left] += scale * solve_stack(matrices, (scale * missed[left])[..., None])[..., 0]
+        known = ~np.isnan(self._whole[:count])
+        exact[known] = self._whole[:count][known]
         self._rows["exact_force"][span] = exact
         self._solved = taken
 

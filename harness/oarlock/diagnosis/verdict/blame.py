@@ -12,7 +12,7 @@ from oarlock.base.numbers import finite, percent
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
-from oarlock.diagnosis.runs.drifts import Drift
+from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
 from oarlock.diagnosis.runs.recipe import LOST, Recipe
 from oarlock.diagnosis.runs.row_law import Share
 from oarlock.diagnosis.runs.trials import Setting, Trial
@@ -26,10 +26,6 @@ SCALE = 3.0
 
 UNSURE = 0.25
 """Of the drift at its worst moment: a second cause with so large a part is named too."""
-
-VISIBLE = 1e-4
-"""m or rad. A drift below it, beyond the target or not, is a note: MuJoCo's own softness makes as much of a light load,
-and no picture shows it."""
 
 MEANT = 0.05
 """Smallest singular value of a group that is locked, of the largest: above it no small error locked it."""

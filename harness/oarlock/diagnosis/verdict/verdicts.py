@@ -9,11 +9,14 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from oarlock.base.errors import few
+from oarlock.base.numbers import percent
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.loops.rank import CUT, NEAR
+from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.verdict import blame
 from oarlock.diagnosis.verdict.blame import in_words, merged
@@ -234,12 +237,47 @@ def _run(exam: Examination) -> Iterator[Finding]:
         return
     if recording.end.how == "diverged":
         yield found("R1", exam.file, recording.end.message, time_s=recording.end.time_s)
-    if recording.others_active is not None:
-        first, last = recording.others_active
-        said = f"between t = {first:.4g} and {last:.4g} s"
-        if exam.exact is not None and exam.exact.end.how == "refused":
-            said += f"; {exam.exact.end.message}, where the exact solution ends"
-        yield found("R2", exam.file, said, first_s=first, last_s=last)
+    if recording.pushes:
+        first = min(push.first_s for push in recording.pushes)
+        last = max(push.last_s for push in recording.pushes)
+        yield found("R2", exam.file, _pushes(recording.pushes), first_s=first, last_s=last)
+    yield from _fights(exam)
+
+
+def _pushes(pushes: tuple[Push, ...]) -> str:
+    """The strongest of each kind, with the number of the others."""
+    said = []
+    for kind in ("limit", "friction", "contact"):
+        own = sorted((push for push in pushes if push.kind == kind), key=lambda push: -push.largest)
+        if own:
+            unit = "N" if kind == "contact" else "N or N m"
+            more = f" and {len(own) - 1} more" if len(own) > 1 else ""
+            first = min(push.first_s for push in own)
+            said.append(f"{own[0].name}{more} from t = {first:.4g} s, up to {own[0].largest:.4g} {unit}")
+    return "; ".join(said)
+
+
+def _fights(exam: Examination) -> Iterator[Finding]:
+    """What limits, contacts and friction do to the loops."""
+    if exam.exact is not None and exam.exact.blocked.any():
+        step = int(exam.exact.blocked.argmax())
+        names = in_words([loop.name for loop in exam.pose.loops.loops]) if exam.pose else "its loops"
+        most = exam.exact.loads[:, [0, 2]].max()
+        said = (
+            f"{exam.exact.blocked.max()} of the limits and contacts push against {names} alone, first at "
+            f"t = {exam.exact.time[step]:.4g} s, with up to {most:.4g} N or N m"
+        )
+        yield found("C1", exam.file, said, first_s=float(exam.exact.time[step]), largest=float(most))
+    for lag in exam.lags:
+        joints = in_words(list(lag.joints))
+        said = (
+            f"stays open by {lag.given:.4g}, by {lag.without:.3g} without the friction loss of {joints}, which "
+            f"holds in {percent(lag.stuck)} of the steps"
+        )
+        yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
+    if exam.stops is not None:
+        said = f"{few(list(exam.stops.limits), last='')} leave none of {exam.stops.dof} degrees of freedom"
+        yield found("C3", exam.file, said, dof=exam.stops.dof)
 
 
 # Forces.
@@ -259,6 +297,9 @@ def _reactions(exam: Examination) -> Iterator[Finding]:
         if together & set(one.names):
             said.append("the sum with those between the same bodies is unique")
         yield found("U1", exam.file, "; ".join(said), element=one.names[0], verdict=one.verdict)
+    for beside in exam.recording.beside if exam.recording else ():
+        said = f"not unique beside {few(list(beside.others), last='')}"
+        yield found("U3", exam.file, said, element=beside.equality, time_s=beside.time_s)
 
 
 def _motion(exam: Examination) -> Iterator[Finding]:

@@ -1,6 +1,6 @@
 """The forces: what goes through the equalities, and how much of it is determined."""
 
-from oarlock.base.numbers import NOTHING, figure
+from oarlock.base.numbers import NOTHING, figure, percent
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.uniqueness import Reaction
 from oarlock.diagnosis.loops.wrenches import Wrench
@@ -19,6 +19,7 @@ def forces(exam: Examination) -> Chapter:
         _wrenches(exam, chapter)
     else:
         chapter.say(f"Wrenches: {lower(why_not(exam, 'forces'))}")
+    _pushes(exam, chapter)
     if exam.reactions is None:
         chapter.say(f"Which reactions are unique: {lower(why_not(exam, 'reactions'))}")
         return chapter
@@ -58,6 +59,30 @@ def _wrenches(exam: Examination, chapter: Chapter) -> None:
         words=2,
         short=Table("forces", (*columns, "reaction"), short, 2),
     )
+
+
+def _pushes(exam: Examination, chapter: Chapter) -> None:
+    """What limits, friction loss and contacts do beside the loops."""
+    if exam.recording is None or not exam.recording.pushes:
+        return
+    chapter.explain(
+        "Limits, friction loss and contacts beside the loops, in MuJoCo's run: the largest force of each, of a contact "
+        "that of all its points along the normal."
+    )
+    rows = []
+    for push in exam.recording.pushes:
+        held = percent(push.stuck / push.steps) if push.kind == "friction" else NOTHING
+        force = figure(push.largest, "N" if push.kind == "contact" else "N or N m")
+        acts = percent(push.steps / exam.recording.steps)
+        rows.append((push.name, f"{push.first_s:.6g}", f"{push.last_s:.6g}", acts, held, force))
+    columns = ("of", "from (s)", "to (s)", "of the steps", "held", "largest force")
+    chapter.table("pushes", columns, rows, words=1)
+    if exam.exact is not None and len(exam.exact.loads):
+        limit, friction, contact = exam.exact.loads.max(axis=0)
+        chapter.say(
+            f"With exact loops limits push with up to {figure(limit, 'N or N m')}, friction with "
+            f"{figure(friction, 'N or N m')}, and all contacts together with {figure(contact, 'N')}."
+        )
 
 
 def _until(exam: Examination) -> int | None:
