@@ -114,7 +114,7 @@ def turn(limit, direction):
     def event(time, state):
         return contact(limit, time, state)
 
-    event.terminal, event.direction = True, direction
+    vars(event).update(terminal=True, direction=direction)  # what solve_ivp asks of an event
     return event
 
 

@@ -95,7 +95,7 @@ def turn(direction):
     def event(time, state):
         return excess(time, state)
 
-    event.terminal, event.direction = True, direction
+    vars(event).update(terminal=True, direction=direction)  # what solve_ivp asks of an event
     return event
 
 
@@ -108,7 +108,7 @@ def solve(times):
         sign = np.sign(stuck(span[0], *state)[1])
 
         def law(t, y, slips=slips, sign=sign):
-            return y[1], slipping(t, *y, sign) if slips else stuck(t, *y)[0]
+            return y[1], slipping(t, y[0], y[1], sign) if slips else stuck(t, y[0], y[1])[0]
 
         piece = solve_ivp(
             law,

@@ -128,7 +128,7 @@ def turn(direction):
     def event(time, state):
         return contact(time, state)
 
-    event.terminal, event.direction = True, direction
+    vars(event).update(terminal=True, direction=direction)  # what solve_ivp asks of an event
     return event
 
 

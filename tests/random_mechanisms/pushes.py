@@ -118,7 +118,7 @@ def prove(mechanism: Mechanism, form: Form) -> Proof:
         active=active,
         unproved=int((steps["unconverged"] > 0).sum()),
         blocked=blocked,
-        newton=float(steps["newton"].mean() or 0.0),
+        newton=float(steps["newton"].fill_null(0).to_numpy().mean()),
         worst=worst,
         gradient=float(gradient),
         drift=float(drift),

@@ -49,7 +49,7 @@ def test_a_run_that_passes_by_a_singular_pose_says_that_it_is_lost(tmp_path):
     xml = parallelogram().replace('name="tip2" pos="0 0 0.5"', 'name="tip2" pos="0 0 0.5000001"')
     row, steps = exact(write_model(tmp_path, xml, 'title = "near"\nstart.qvel = { crank = 3.0 }'), duration=4.0)
     assert row["status"] in ("diverged", "drifted", "inaccurate")
-    assert steps["error_estimate"].max() > ERROR_BOUND
+    assert (steps["error_estimate"] > ERROR_BOUND).any()
 
 
 def test_only_exact_free_runs_have_an_estimate(tmp_path):

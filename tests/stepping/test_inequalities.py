@@ -38,7 +38,7 @@ def test_both_paths_walk_the_same_way(tmp_path, task):
     found = require_equal(case, task, 80)
     assert all(status == "done" for status, _, _ in found)
     if task.mode != "calibration":
-        assert all(steps["contact_force"].max() > 0 for _, _, steps in found)
+        assert all((steps["contact_force"] > 0).any() for _, _, steps in found)
 
 
 @pytest.mark.parametrize(("cone", "condim"), CONES)

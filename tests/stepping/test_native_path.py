@@ -156,7 +156,7 @@ def test_a_loop_that_a_tilted_hinge_opens_ends_the_run_where_it_counts(tmp_path,
         assert status == "diverged"
         assert "can no longer be closed together" in message
         assert 0 < len(steps) < 400
-        assert steps["drift_pos"].max() <= LOST
+        assert (steps["drift_pos"] <= LOST).all()
 
 
 @pytest.mark.parametrize("size", [1, 7, 200])

@@ -169,6 +169,7 @@ def test_paths_are_no_patterns(case, tmp_path, monkeypatch, name):
     for other in ("res1", "resX"):
         run(case, out=other, mode="free", duration=0.01)
     results = run(case, out=name)
+    assert results.folder is not None
     write_report(ResultFolder(results.folder).path, tmp_path / name / "report")
     folder = ResultFolder(results.folder)
     for row in results.rows:

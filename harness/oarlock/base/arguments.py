@@ -57,7 +57,7 @@ def require_count(name: str, value: Any) -> None:
         InputError: it is no whole number, or below 1.
     """
     whole = isinstance(value, Integral) and not isinstance(value, bool)
-    if value is not None and not (whole and value >= 1):
+    if value is not None and not (whole and int(value) >= 1):
         shown = value if isinstance(value, Real) else repr(value)
         raise InputError(f"{name} = {shown}, expected a whole number ≥ 1")
 

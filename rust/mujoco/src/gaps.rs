@@ -147,6 +147,6 @@ mod tests {
                 assert!(looked_at || !angular(velocity) || *entry == 0.0, "{velocity} of equality {owner}");
             }
         }
-        assert_eq!(gaps.turns[3], [12..13]);
+        assert_eq!(gaps.turns[3], vec![12..13; 1]);
     }
 }

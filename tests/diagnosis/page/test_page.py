@@ -13,12 +13,12 @@ from browser import Browser, executable
 from markdown_it import MarkdownIt
 from oarlock import InputError
 from oarlock.base.numbers import figure
+from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import begin, examine
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.wrenches import Series, Wrench
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page import pictures
-from oarlock.diagnosis.page.blocks import plain
 from oarlock.diagnosis.page.motion import SIDE, VISIBLE, Skeleton, motion
 from oarlock.diagnosis.page.page import html_fragment, markdown_text, write_page
 from oarlock.diagnosis.verdict.findings import found as finding

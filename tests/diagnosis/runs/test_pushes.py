@@ -104,8 +104,10 @@ def test_friction_that_makes_a_coupling_lag_is_found(tmp_path, friction, lags):
         assert one.element == "mimic"
         assert "'driven'" in one.line
         assert one.figures["without"] < 0.5 * one.figures["given"]
-        assert checked.examination.exact.drift[:, 0].max() < 1e-12
-        assert checked.examination.exact.loads[:, 1].max() == pytest.approx(0.2, rel=1e-6)
+        exact = checked.examination.exact
+        assert exact is not None
+        assert exact.drift[:, 0].max() < 1e-12
+        assert exact.loads[:, 1].max() == pytest.approx(0.2, rel=1e-6)
 
 
 def test_a_limit_that_fights_a_loop_is_found(tmp_path):
@@ -119,5 +121,6 @@ def test_a_limit_that_fights_a_loop_is_found(tmp_path):
     (one,) = [one for one in checked.verdict if one.code == "C1"]
     assert one.figures["largest"] > 0
     exact = checked.examination.exact
+    assert exact is not None
     assert exact.blocked.tolist() == [1] * len(exact.time)
     assert np.abs(exact.qpos).max() < 1e-12

@@ -13,9 +13,9 @@ import mujoco
 import numpy as np
 
 from oarlock.base.numbers import figure
+from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.assembly import anchors
-from oarlock.diagnosis.page.blocks import plain
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.render.charts import VIEW
 

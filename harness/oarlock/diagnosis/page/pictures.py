@@ -6,10 +6,10 @@ import altair as alt
 import numpy as np
 import polars as pl
 
+from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.loops.wrenches import Wrench
-from oarlock.diagnosis.page.blocks import plain
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.row_law import CAUSES, Attribution, Share

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from oarlock.diagnosis.page.blocks import Chapter, Code, Explanation, Findings, Item, Section, Text, plain
+from oarlock.base.text import one_line as plain
+from oarlock.diagnosis.page.blocks import Chapter, Code, Explanation, Findings, Item, Section, Text
 from oarlock.diagnosis.page.chapters.words import counted
 from oarlock.diagnosis.verdict.findings import FORMULA, SEVERITIES, Entry, Finding, catalogue, worst_first
 

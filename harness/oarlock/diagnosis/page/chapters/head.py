@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.page.blocks import plain
 from oarlock.diagnosis.page.chapters.words import counted
 from oarlock.mechanics.prepare import integrator_of
 
