@@ -38,6 +38,16 @@ def test_the_block_is_carried_and_gripped(cone):
             assert 0 < push.stuck <= push.steps
 
 
+@pytest.mark.parametrize("option", ["", "noslip_iterations='3'"])
+def test_who_pushes_is_told_and_noslip_with_it(tmp_path, option):
+    path = tmp_path / "gripper.xml"
+    path.write_text(gripper(option=option))
+    (told,) = [one for one in oarlock.check(path, budget=0, duration=0.1).verdict if one.code == "R2"]
+    assert told.severity == "note"
+    assert all(kind in told.line for kind in ("friction of", "contact between"))
+    assert ("noslip" in told.line) is bool(option)
+
+
 @pytest.mark.parametrize(("rocker", "locked"), [("0 1", False), ("-1 0", True)])
 def test_two_limits_lock_a_four_bar_where_they_allow_no_common_way(rocker, locked):
     """The crank may only go forth, and takes the rocker along: forth, too, or it stands still."""
