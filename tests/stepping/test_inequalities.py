@@ -41,6 +41,23 @@ def test_both_paths_walk_the_same_way(tmp_path, task):
         assert all((steps["contact_force"] > 0).any() for _, _, steps in found)
 
 
+def stack(count: int) -> str:
+    """So many boxes on a floor, each welded to the next one: from 10 on MuJoCo keeps J in compressed rows."""
+    box = '<body name="b{}" pos="{} 0 0.0999"><freejoint/><geom type="box" size="0.09 0.1 0.1" mass="{}"/></body>'
+    boxes = "".join(box.format(i, 0.2 * i, i + 1) for i in range(count))
+    welds = "".join(f'<weld body1="b{i}" body2="b{i + 1}"/>' for i in range(count - 1))
+    return f"""<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="9 9 1"/>{boxes}</worldbody>
+      <equality>{welds}</equality></mujoco>"""
+
+
+def test_sparse_rows_walk_the_same_way(tmp_path):
+    case = case_of(write_model(tmp_path, stack(11), 'title = "s"\n'))
+    task = Task("free", MUJOCO, ("matched", "hard"), (AUTO,), "euler", "default", "projection")
+    for status, _, steps in require_equal(case, task, 15):
+        assert status == "done"
+        assert steps["contact_force"][-1] == pytest.approx(9.81 * sum(range(1, 12)), rel=0.5)
+
+
 @pytest.mark.parametrize(("cone", "condim"), CONES)
 def test_the_matched_form_is_mujocos_own_answer(tmp_path, cone, condim):
     """Two exact solutions of one convex problem, at states along MuJoCo's own steps.
