@@ -19,6 +19,7 @@ from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.runs import controls
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
 from oarlock.diagnosis.runs.exact import ExactRun, record_exact
+from oarlock.diagnosis.runs.fights import Fight, find_fight
 from oarlock.diagnosis.runs.lag import Lag, find_lags
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
@@ -70,6 +71,7 @@ class Examination:
         reactions: which are unique.
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
+        fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         missing: part → why it is not there.
     """
@@ -98,6 +100,7 @@ class Examination:
     reactions: Uniqueness | None = None
     lags: tuple[Lag, ...] = ()
     stops: Stops | None = None
+    fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
     missing: dict[str, str] = field(default_factory=dict)
@@ -251,6 +254,8 @@ def _run(found: Examination) -> None:
             if end.how == "diverged":  # what it showed before proves nothing
                 found.exact = None
                 found.missing["exact"] = f"it diverged at t = {end.time_s:.6g} s: {end.message}"
+            else:
+                found.fight = find_fight(found.model, found.exact)
         data = _data(found)
         data.qpos[:] = found.pose.qpos
         found.stops = find_stops(found.model, data)

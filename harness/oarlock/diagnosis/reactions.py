@@ -13,6 +13,7 @@ from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.directions import Directions
 from oarlock.diagnosis.loops.uniqueness import find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Series, wrenches
+from oarlock.diagnosis.runs.beside import find_beside
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
@@ -54,6 +55,7 @@ class EqualityReaction:
             that hold something.
         force: which directions of the force are determined; None where there is no force.
         torque: the same of the torque.
+        beside: limits, contacts and friction of this state that share its load, in words: beside them it is not unique.
     """
 
     equality: str
@@ -65,6 +67,7 @@ class EqualityReaction:
     verdict: Verdict
     force: Directions | None
     torque: Directions | None
+    beside: tuple[str, ...] = ()
 
 
 def reactions(
@@ -85,8 +88,8 @@ def reactions(
         One for each active equality, in the order of the model.
 
     Raises:
-        InputError: a contact, limit or friction is active, which exact multipliers do not know; an equality of a kind
-            whose rows are not known; a state that is not finite, or that of another model.
+        InputError: an equality of a kind whose rows are not known; a state that is not finite, or that of another
+            model.
     """
     if (len(data.qpos), len(data.qvel), len(data.eq_active)) != (model.nq, model.nv, model.neq):
         raise InputError("the data belongs to another model, expected one that was made of this model")
@@ -103,6 +106,7 @@ def reactions(
     assembly.place(data.qpos)
     rows = assembly.at_rows()
     mujoco.mj_forward(model, data)
+    beside = {one.equality: one.others for one in find_beside(model, data)}
     state = State(model, data, _RIGID)
     state.read()
     question = Question(state, "hard")
@@ -124,6 +128,7 @@ def reactions(
             verdict=what.verdict,
             force=what.force,
             torque=what.torque,
+            beside=beside.get(equality.name, ()),
         )
         for equality, theirs, ours, what in zip(assembly.equalities, given, least, known, strict=True)
     )

@@ -52,6 +52,10 @@ use crate::solvers::auto::{Auto, AutoParams};
 use crate::solvers::solver::Solver;
 use crate::system::ConstrainedSystem;
 
+/// Violation that counts as a push against equality rows, relative to what it is the difference of: two bodies that touch
+/// exactly are off by the rounding of their poses, which stiffness turns into a force.
+pub const BLOCKED: f64 = 1e-9;
+
 /// The figures of one solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InequalityReport {
@@ -224,7 +228,8 @@ impl Inequalities {
         self.blocked.clear();
         let mut row = 0;
         for group in &self.groups {
-            let pushes = !matches!(group, Group::Friction) && self.newton.f[row] > 0.0;
+            let least = BLOCKED * self.stiffness[row] * self.frame.terms[row];
+            let pushes = !matches!(group, Group::Friction) && self.newton.f[row] > least;
             if pushes && self.frame.immobile[row] {
                 self.blocked.push(row);
             }

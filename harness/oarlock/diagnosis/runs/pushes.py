@@ -70,7 +70,9 @@ class Pushes:
                 together[kind, owner] = row, force
                 continue
             geoms = tuple(sorted(int(geom) for geom in data.contact[owner].geom))
-            normal = kind != _CONSTRAINT.mjCNSTR_CONTACT_ELLIPTIC or row == 0 or owners[row - 1] != owner
+            # A friction loss or a limit before it may have the same number.
+            across = row > 0 and (kinds[row - 1], owners[row - 1]) == (kind, owner)
+            normal = kind != _CONSTRAINT.mjCNSTR_CONTACT_ELLIPTIC or not across
             first, sum_ = together.get((-1, *geoms), (row, 0.0))
             together[(-1, *geoms)] = first, sum_ + (force if normal else 0.0)
         for key, (row, force) in together.items():

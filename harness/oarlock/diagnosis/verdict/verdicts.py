@@ -262,15 +262,14 @@ def _pushes(pushes: tuple[Push, ...]) -> str:
 
 def _fights(exam: Examination) -> Iterator[Finding]:
     """What limits, contacts and friction do to the loops."""
-    if exam.exact is not None and exam.exact.blocked.any():
-        step = int(exam.exact.blocked.argmax())
-        names = in_words([loop.name for loop in exam.pose.loops.loops]) if exam.pose else "its loops"
-        most = exam.exact.loads[:, [0, 2]].max()
+    if exam.fight is not None:
+        fight = exam.fight
         said = (
-            f"{exam.exact.blocked.max()} of the limits and contacts push against {names} alone, first at "
-            f"t = {exam.exact.time[step]:.4g} s, with up to {most:.4g} N or N m"
+            f"{few(list(fight.others), last='')} push{'es' if len(fight.others) == 1 else ''} against "
+            f"{in_words(list(fight.equalities))} alone, since t = {fight.first_s:.4g} s, with up to "
+            f"{fight.largest:.4g} N or N m"
         )
-        yield found("C1", exam.file, said, first_s=float(exam.exact.time[step]), largest=float(most))
+        yield found("C1", exam.file, said, first_s=fight.first_s, largest=fight.largest)
     for lag in exam.lags:
         joints = in_words(list(lag.joints))
         said = (

@@ -98,7 +98,8 @@ impl Notary {
             let length = frame.lengths[row];
             self.noise.push(ROUNDING * (frame.terms[row] + rates[row].abs() + length * size));
             off = off.hypot(length * (forces[row] - self.f[row]));
-            if self.pieces[row].is_curved() {
+            // Where x is on the other side of a kink than the forces, rounding may have put it there.
+            if self.pieces[row].is_curved() || forces[row] - self.f[row] != 0.0 {
                 noise = noise.hypot(length * step.stiffness[row] * self.noise[row]);
             }
         }

@@ -27,7 +27,7 @@ def forces(exam: Examination) -> Chapter:
     chapter.explain(f"Which reactions the motion determines, from {counted(exam.reactions.poses, 'closed pose')}:")
     columns = ("of", "which", "between", "force", "torque", "in all")
     short = None if known else ("of", "which", "in all")
-    chapter.table("reactions", columns, [_reaction(one) for one in every], words=3, short=short)
+    chapter.table("reactions", columns, [_reaction(exam, one) for one in every], words=3, short=short)
     return chapter
 
 
@@ -45,7 +45,7 @@ def _wrenches(exam: Examination, chapter: Chapter) -> None:
         )
     ours = {one.equality: one for one in exam.determined}
     theirs = {one.equality: one for one in exam.given}
-    verdicts = {one.names[0]: one.verdict for one in exam.reactions.equalities} if exam.reactions else {}
+    verdicts = {one.names[0]: _verdict(exam, one) for one in exam.reactions.equalities} if exam.reactions else {}
     rows, short = [], []
     for name in dict.fromkeys([*theirs, *ours]):
         for what, cells in _peaks(theirs.get(name), ours.get(name), until):
@@ -78,11 +78,10 @@ def _pushes(exam: Examination, chapter: Chapter) -> None:
     columns = ("of", "from (s)", "to (s)", "of the steps", "held", "largest force")
     chapter.table("pushes", columns, rows, words=1)
     if exam.exact is not None and len(exam.exact.loads):
-        limit, friction, contact = exam.exact.loads.max(axis=0)
-        chapter.say(
-            f"With exact loops limits push with up to {figure(limit, 'N or N m')}, friction with "
-            f"{figure(friction, 'N or N m')}, and all contacts together with {figure(contact, 'N')}."
-        )
+        kinds = ("limits", "N or N m"), ("friction", "N or N m"), ("all contacts together", "N")
+        most = zip(kinds, exam.exact.loads.max(axis=0).tolist(), strict=True)
+        told = [f"{what} with up to {figure(force, unit)}" for (what, unit), force in most if force]
+        chapter.say(f"With exact loops: {'; '.join(told) or 'none of them pushes'}.")
 
 
 def _until(exam: Examination) -> int | None:
@@ -120,7 +119,14 @@ def _peak(wrench: Wrench | None, part: str, name: str, end: int | None, steps: i
     return figure(largest(values if end is None else values[:, [end]]) or 0.0, unit)
 
 
-def _reaction(one: Reaction) -> tuple[str, ...]:
+def _verdict(exam: Examination, one: Reaction) -> str:
+    """Unique in the mechanism alone is not so beside what shares the load."""
+    shared = {beside.equality for beside in exam.recording.beside} if exam.recording else set()
+    alone = one.verdict == "unique" and one.owner == "equality" and one.names[0] in shared
+    return "unique, not beside others (U3)" if alone else one.verdict
+
+
+def _reaction(exam: Examination, one: Reaction) -> tuple[str, ...]:
     of = {"equality": "equality", "together": "together", "joint": "joint of the tree"}[one.owner]
     directions = (str(part) if part is not None else NOTHING for part in (one.force, one.torque))
-    return of, many(one.names), " – ".join(one.bodies) or NOTHING, *directions, one.verdict
+    return of, many(one.names), " – ".join(one.bodies) or NOTHING, *directions, _verdict(exam, one)
