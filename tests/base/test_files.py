@@ -3,11 +3,13 @@ anything else is written to; what stands in the place of a file of ours goes."""
 
 import errno
 import os
+import signal
 import socket
 import stat
 import subprocess
 import sys
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -116,6 +118,26 @@ def test_what_cannot_be_written_is_one_line(tmp_path, name):
         write_text(tmp_path / name, "text", named=True)
     assert "\n" not in str(caught.value)
     assert sorted(os.listdir(tmp_path)) == ["file", "folder", "round"]
+
+
+def test_a_pipe_that_nobody_reads_can_be_interrupted(tmp_path):
+    """Opening it waits for its other end: SIGINT ends that, and what was to be written is gone."""
+    pipe, other = tmp_path / "pipe", tmp_path / "temporary"
+    os.mkfifo(pipe)
+    other.mkdir()
+    code = "import sys, pathlib; from oarlock.base.files import write_text\nprint('begun', flush=True)\n"
+    code += "write_text(pathlib.Path(sys.argv[1]), 'text', named=True)"
+    command, here = [sys.executable, "-c", code, str(pipe)], {**os.environ, "TMPDIR": str(other)}
+    with subprocess.Popen(command, env=here, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        while not os.listdir(other):  # until it is about to open the pipe
+            time.sleep(0.01)
+        time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        process.wait(timeout=10)
+    assert os.listdir(other) == []
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
 
 
 @pytest.mark.parametrize("kind", ["link", "dangling", "round", "pipe", "folder link"])

@@ -42,7 +42,7 @@ def replacing(path: Path, *, named: bool = False) -> Iterator[Path]:
     """Yields a temporary path, whose file takes the place of ``path`` when the block ends without an error.
 
     It lies beside the file. Folders are created as needed. Interruptions are held back meanwhile (see
-    ``uninterrupted``).
+    ``uninterrupted``), but not while something else than a regular file is written to.
 
     Args:
         path: of the file.
@@ -60,12 +60,13 @@ def replacing(path: Path, *, named: bool = False) -> Iterator[Path]:
             folder.mkdir(parents=True, exist_ok=True)
             temporary = folder / f".{path.stem[:_NAME_LENGTH]}.{next(_numbers)}.{os.getpid()}.tmp{path.suffix[:8]}"
             yield temporary
-            if target is None:
-                with temporary.open("rb") as contents:
-                    _pour(contents, path)
-            else:
+            if target is not None:
                 _keep_mode(target, temporary)
                 os.replace(temporary, target)
+        if target is None:
+            # Whoever reads at the other end may never come: this must not hold interruptions back.
+            with temporary.open("rb") as contents:
+                _pour(contents, path)
     except InputError:
         raise
     except (OSError, ValueError, pl.exceptions.ComputeError) as error:

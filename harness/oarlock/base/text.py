@@ -14,7 +14,7 @@ LONGEST = 2000
 LONGEST_NAME = 120
 """The same in a chart, where nobody could read more."""
 
-_MARKUP = re.compile(r"([\\`*{}\[\]<>#|!&~$^]|(?<![^\W_])_|_(?![^\W_]))")
+_MARKUP = re.compile(r"([\\`*{}\[\]<>#|!&~$^]|(?<![^\W_])_|_(?![^\W_])|:(?=//)|(?<=www)\.)")
 
 
 def visible(text: object, most: int = LONGEST) -> str:
