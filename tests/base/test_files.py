@@ -8,6 +8,7 @@ import socket
 import stat
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from contextlib import suppress
@@ -16,6 +17,7 @@ from pathlib import Path
 import pytest
 from oarlock import InputError
 from oarlock.base.files import replacing, write_text
+from oarlock.base.scratch import sweep_up
 
 
 def test_a_file_is_replaced_whole_and_keeps_its_permissions(tmp_path):
@@ -120,8 +122,10 @@ def test_what_cannot_be_written_is_one_line(tmp_path, name):
     assert sorted(os.listdir(tmp_path)) == ["file", "folder", "round"]
 
 
-def test_a_pipe_that_nobody_reads_can_be_interrupted(tmp_path):
-    """Opening it waits for its other end: SIGINT ends that, and what was to be written is gone."""
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_pipe_that_nobody_reads_can_be_interrupted(tmp_path, monkeypatch, number):
+    """Opening it waits for its other end: SIGINT ends that, and what was to be written is gone, at the next start at
+    the latest."""
     pipe, other = tmp_path / "pipe", tmp_path / "temporary"
     os.mkfifo(pipe)
     other.mkdir()
@@ -134,8 +138,10 @@ def test_a_pipe_that_nobody_reads_can_be_interrupted(tmp_path):
         while not os.listdir(other):  # until it is about to open the pipe
             time.sleep(0.01)
         time.sleep(0.1)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         process.wait(timeout=10)
+    monkeypatch.setattr(tempfile, "tempdir", str(other))
+    assert bool(sweep_up()) is (number == signal.SIGKILL)
     assert os.listdir(other) == []
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 

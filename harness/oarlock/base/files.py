@@ -17,7 +17,6 @@ import shutil
 import signal
 import stat
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -47,16 +46,18 @@ def replacing(path: Path, *, named: bool = False) -> Iterator[Path]:
     Args:
         path: of the file.
         named: whether the user names this very file. Then links are followed, and where they lead to no regular file,
-            the temporary one lies in the system's temporary folder, and its contents are written to ``path`` instead.
+            the temporary one lies in a folder of its own, which says whose it is, and its contents are written to
+            ``path`` instead.
 
     Raises:
         InputError: the file cannot be written (full disk, no permission, a folder is there).
     """
     temporary: Path | None = None
+    target: Path | None = path
     try:
         with uninterrupted():
             target = destination(path) if named else _place(path)
-            folder = Path(tempfile.gettempdir()) if target is None else target.parent
+            folder = _scratch() if target is None else target.parent
             folder.mkdir(parents=True, exist_ok=True)
             temporary = folder / f".{path.stem[:_NAME_LENGTH]}.{next(_numbers)}.{os.getpid()}.tmp{path.suffix[:8]}"
             yield temporary
@@ -75,6 +76,14 @@ def replacing(path: Path, *, named: bool = False) -> Iterator[Path]:
         if temporary is not None:
             with suppress(OSError):
                 temporary.unlink()
+                if target is None:
+                    temporary.parent.rmdir()
+
+
+def _scratch() -> Path:
+    from oarlock.base.scratch import scratch  # few write to pipes, and who only reads need not load it
+
+    return scratch()
 
 
 def destination(path: Path) -> Path | None:
