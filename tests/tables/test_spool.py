@@ -324,7 +324,7 @@ cli.main()
 @pytest.mark.parametrize(
     ("held", "limit", "message", "kept"),
     [
-        (400_000, 50_000, "cannot keep the steps of a run in '{out}/.steps.", []),
+        (400_000, 60_000, "cannot keep the steps of a run in '{out}/.steps.", []),
         (40_000, 260_000, "cannot write '{out}/steps/free-hard-pinv-rk4.parquet'", ["calibration-mujoco-rk4"]),
     ],
     ids=["on the way", "at the end"],

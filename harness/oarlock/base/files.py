@@ -71,7 +71,7 @@ def replacing(path: Path, *, named: bool = False) -> Iterator[Path]:
     except InputError:
         raise
     except (OSError, ValueError, pl.exceptions.ComputeError) as error:
-        raise InputError(f"cannot write '{path}': {reason(error)}") from None
+        raise InputError(f"cannot write '{path}': {reason(error, temporary)}") from None
     finally:
         if temporary is not None:
             with suppress(OSError):
@@ -219,9 +219,28 @@ def reading(path: Path) -> Iterator[Path]:
         raise InputError(f"'{path}' cannot be read: {one_line(error)[:120]}") from None
 
 
-def reason(error: Exception) -> str:
-    """Returns the system's reason for an error of a file. polars hides it in the text of its own errors."""
+MORE = 2**16
+"""Bytes that are tried to be written where a library does not say why it could not."""
+
+
+def reason(error: Exception, written: Path | None = None) -> str:
+    """Returns the system's reason for an error of a file.
+
+    polars hides it in the text of its own errors, or leaves it out: then the system is asked by writing on.
+
+    Args:
+        error: what was raised.
+        written: the file, half-written, which is to be removed; None where there is none.
+    """
     if isinstance(error, OSError):
         return error.strerror or one_line(error)
     number = re.search(r"\(os error (\d+)\)", str(error))
-    return os.strerror(int(number[1])) if number else one_line(error)[:120]
+    if number:
+        return os.strerror(int(number[1]))
+    if written is not None and written.is_file():
+        try:
+            with written.open("ab") as there:
+                there.write(bytes(MORE))
+        except OSError as told:
+            return told.strerror or one_line(told)
+    return one_line(error)[:120]

@@ -121,9 +121,9 @@ class Spool:
             part = part.absolute()  # to polars a tilde is somebody's home
             self._rest().write_parquet(part, compression="zstd", compression_level=1, row_group_size=GROUP)
         except (OSError, pl.exceptions.ComputeError) as error:
-            where = self._home or self._folder or tempfile.gettempdir()
+            where, why = self._home or self._folder or tempfile.gettempdir(), reason(error, part)
             self.close()
-            raise DiskError(f"cannot keep the steps of a run in '{where}': {reason(error)}") from None
+            raise DiskError(f"cannot keep the steps of a run in '{where}': {why}") from None
         self._parts.append(part)
         self._held, self._bytes = [], 0
 

@@ -71,7 +71,8 @@ def test_every_model_is_closed_from_disturbed_poses(name):
         speed = np.random.default_rng(seed).normal(size=model.nv)
         pose = nearest_closed(model, given, speed)
         assert pose.status == "closed"
-        assert max(opening.largest for opening in pose.openings) > 5e-5  # cable_finger has pulleys of 10 mm
+        least = 5e-5 if name == "cable_finger" else 1e-3  # it has pulleys of 10 mm
+        assert max(opening.largest for opening in pose.openings) > least
         assert max(opening.largest for opening in pose.left) <= LEFT
         assert pose.culprits == ()
         assert pose.loops.dof == dof

@@ -80,7 +80,7 @@ def test_virtual_work(name, seed):
     mujoco.mj_integratePos(model, pose, 0.3 * np.random.default_rng(seed).normal(size=model.nv), 1.0)
     assembly.place(pose)
     jacobian = assembly.jacobian()
-    assert np.abs(jacobian).max() > 1e-3  # cable_finger has pulleys of 10 mm
+    assert np.abs(jacobian).max() > (1e-3 if name == "cable_finger" else 0.01)  # it has pulleys of 10 mm
     for number in range(len(assembly.equalities)):
         rows = assembly.rows_of(number)
         for column, row in enumerate(range(rows.start, rows.stop)):
