@@ -1,5 +1,7 @@
 """Contacts, limits and friction loss: whether a model has any, what is refused, and how they are switched off."""
 
+from typing import Literal
+
 import mujoco
 import numpy as np
 
@@ -13,6 +15,24 @@ _BITS = mujoco.mjtDisableBit
 IGNORED = _BITS.mjDSBL_CONTACT | _BITS.mjDSBL_LIMIT | _BITS.mjDSBL_FRICTIONLOSS
 """Flags of MuJoCo that switch contacts, limits and friction off."""
 
+
+Kind = Literal["friction", "limit", "contact"]
+
+_CONSTRAINT = mujoco.mjtConstraint
+PYRAMIDAL = int(_CONSTRAINT.mjCNSTR_CONTACT_PYRAMIDAL)
+ELLIPTIC = int(_CONSTRAINT.mjCNSTR_CONTACT_ELLIPTIC)
+"""Kinds of rows (``efc_type``) of contacts with several."""
+
+KINDS: dict[int, Kind] = {
+    int(_CONSTRAINT.mjCNSTR_FRICTION_DOF): "friction",
+    int(_CONSTRAINT.mjCNSTR_FRICTION_TENDON): "friction",
+    int(_CONSTRAINT.mjCNSTR_LIMIT_JOINT): "limit",
+    int(_CONSTRAINT.mjCNSTR_LIMIT_TENDON): "limit",
+    int(_CONSTRAINT.mjCNSTR_CONTACT_FRICTIONLESS): "contact",
+    PYRAMIDAL: "contact",
+    ELLIPTIC: "contact",
+}
+"""Kind of a row (``efc_type``) → what it is of."""
 
 _KINDS = {
     mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("friction of joint", mujoco.mjtObj.mjOBJ_JOINT),

@@ -11,14 +11,9 @@ import numpy as np
 
 from oarlock.base import core
 from oarlock.base.vectors import times
+from oarlock.mechanics.inequalities import ELLIPTIC, KINDS, PYRAMIDAL
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.rows import jacobian
-
-_CONSTRAINT = mujoco.mjtConstraint
-_FRICTION = (int(_CONSTRAINT.mjCNSTR_FRICTION_DOF), int(_CONSTRAINT.mjCNSTR_FRICTION_TENDON))
-_LIMIT = (int(_CONSTRAINT.mjCNSTR_LIMIT_JOINT), int(_CONSTRAINT.mjCNSTR_LIMIT_TENDON))
-_PYRAMIDAL = int(_CONSTRAINT.mjCNSTR_CONTACT_PYRAMIDAL)
-_ELLIPTIC = int(_CONSTRAINT.mjCNSTR_CONTACT_ELLIPTIC)
 
 COEFFICIENTS = 5
 """Friction coefficients of a contact: two tangential, one torsional, two rolling."""
@@ -69,13 +64,13 @@ class Rows:
         mu, friction, row = [], [], 0
         while row < len(self._kinds):
             kind = self._kinds[row]
-            if kind == _ELLIPTIC:
+            if kind == ELLIPTIC:
                 contact = data.contact[self._owners[row]]
                 self.dims.append(contact.dim)
                 mu.append(contact.mu)
                 friction.append(contact.friction.copy())
             else:
-                self.dims.append(0 if kind in _FRICTION else 1)
+                self.dims.append(0 if KINDS[kind] == "friction" else 1)
                 mu.append(0.0)
                 friction.append(np.zeros(COEFFICIENTS))
             row += max(self.dims[-1], 1)
@@ -91,10 +86,10 @@ class Rows:
         for dim in self.dims:
             kind, owner = self._kinds[row], self._owners[row]
             again = row > 0 and (self._kinds[row - 1], self._owners[row - 1]) == (kind, owner)
-            if kind not in _FRICTION and self._pos[row] < 0.0 and not again:
+            if KINDS[kind] != "friction" and self._pos[row] < 0.0 and not again:
                 first = self.jacobian[row]
                 # Edges of a pyramid come in pairs, n ± μt.
-                found.append(0.5 * (first + self.jacobian[row + 1]) if kind == _PYRAMIDAL else first)
+                found.append(0.5 * (first + self.jacobian[row + 1]) if kind == PYRAMIDAL else first)
             row += max(dim, 1)
         return np.array(found).reshape(-1, self.jacobian.shape[1])
 
@@ -104,9 +99,9 @@ class Rows:
         row = 0
         for dim in self.dims:
             force, kind = abs(float(forces[row])), self._kinds[row]
-            if kind in _FRICTION:
+            if KINDS[kind] == "friction":
                 friction = max(friction, force)
-            elif kind in _LIMIT:
+            elif KINDS[kind] == "limit":
                 limit = max(limit, force)
             else:  # the first row of a cone is its normal; edges of a pyramid add up to the normal force
                 contact += force

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.mechanics.inequalities import row_name
+from oarlock.mechanics.inequalities import KINDS, row_name
 from oarlock.mechanics.reactions import VANISHES
 from oarlock.mechanics.rows import jacobian
 
@@ -19,7 +19,7 @@ REACHED = 1e-9
 """rad or m. A limit so near is reached: closing a pose leaves rounding."""
 
 _ROUNDS = 2000
-_LIMITS = (int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT), int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON))
+_LIMITS = [kind for kind, of in KINDS.items() if of == "limit"]
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.runs.exact import ExactRun
-from oarlock.mechanics.inequalities import row_name
+from oarlock.mechanics.inequalities import ELLIPTIC, KINDS, row_name
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.reactions import VANISHES
 from oarlock.mechanics.rows import jacobian
@@ -20,9 +20,6 @@ LOOKS = 32
 
 COUNTS = 1e-6
 """Of the largest force: less is the rounding of a pose at which something just touches."""
-
-_CONSTRAINT = mujoco.mjtConstraint
-_FRICTION = (int(_CONSTRAINT.mjCNSTR_FRICTION_DOF), int(_CONSTRAINT.mjCNSTR_FRICTION_TENDON))
 
 
 @dataclass(frozen=True)
@@ -77,12 +74,12 @@ def _look(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[dict[str, float],
     pushes: dict[str, float] = {}
     bears: dict[str, float] = {}
     for row in range(ne, data.nefc):
-        across = kinds[row] == _CONSTRAINT.mjCNSTR_CONTACT_ELLIPTIC and (kinds[row - 1], owners[row - 1]) == (
+        across = kinds[row] == ELLIPTIC and (kinds[row - 1], owners[row - 1]) == (
             kinds[row],
             owners[row],
         )
         force = float(data.efc_D[row] * data.efc_aref[row])
-        if kinds[row] in _FRICTION or across or force <= 0.0 or not sizes[row]:
+        if KINDS[kinds[row]] == "friction" or across or force <= 0.0 or not sizes[row]:
             continue
         if left[row - ne] > VANISHES * sizes[row]:
             continue

@@ -1,25 +1,14 @@
 """What limits, friction loss and contacts do over a run: when each of them pushes, and how hard."""
 
 from dataclasses import dataclass
-from typing import Literal
 
 import mujoco
 import numpy as np
 
-from oarlock.mechanics.inequalities import row_name
-
-Kind = Literal["limit", "friction", "contact"]
+from oarlock.mechanics.inequalities import ELLIPTIC, KINDS, Kind, row_name
 
 SLIPS = 1.0 - 1e-9
 """Of the friction loss: a force as large as that slips, and is rounded."""
-
-_CONSTRAINT = mujoco.mjtConstraint
-_OF: dict[int, Kind] = {
-    int(_CONSTRAINT.mjCNSTR_FRICTION_DOF): "friction",
-    int(_CONSTRAINT.mjCNSTR_FRICTION_TENDON): "friction",
-    int(_CONSTRAINT.mjCNSTR_LIMIT_JOINT): "limit",
-    int(_CONSTRAINT.mjCNSTR_LIMIT_TENDON): "limit",
-}
 
 
 @dataclass
@@ -65,14 +54,14 @@ class Pushes:
         forces = data.efc_force[ne:nefc]
         together: dict[tuple[int, ...], tuple[int, float]] = {}
         for row, (kind, owner, force) in enumerate(zip(kinds, owners, forces.tolist(), strict=True)):
-            of = _OF.get(kind, "contact")
+            of = KINDS[kind]
             if of != "contact":
                 together[kind, owner] = row, force
                 continue
             geoms = tuple(sorted(int(geom) for geom in data.contact[owner].geom))
             # A friction loss or a limit before it may have the same number.
             across = row > 0 and (kinds[row - 1], owners[row - 1]) == (kind, owner)
-            normal = kind != _CONSTRAINT.mjCNSTR_CONTACT_ELLIPTIC or not across
+            normal = kind != ELLIPTIC or not across
             first, sum_ = together.get((-1, *geoms), (row, 0.0))
             together[(-1, *geoms)] = first, sum_ + (force if normal else 0.0)
         for key, (row, force) in together.items():
@@ -82,7 +71,7 @@ class Pushes:
         if force == 0.0:
             return
         if key not in self._found:
-            kind = _OF.get(int(data.efc_type[row]), "contact")
+            kind = KINDS[int(data.efc_type[row])]
             self._found[key] = Push(kind, row_name(self._model, data, row), data.time, data.time)
         push = self._found[key]
         push.last_s, push.largest = data.time, max(push.largest, abs(force))
@@ -101,11 +90,11 @@ def pushing_rows(data: mujoco.MjData) -> np.ndarray:
     row = ne
     while row < data.nefc:
         kind, force, width = kinds[row], float(data.efc_force[row]), 1
-        of = _OF.get(kind, "contact")
+        of = KINDS[kind]
         if of == "friction":
             holds = abs(force) < SLIPS * float(data.efc_frictionloss[row])
             found += [row] if holds else []
-        elif kind == _CONSTRAINT.mjCNSTR_CONTACT_ELLIPTIC:
+        elif kind == ELLIPTIC:
             contact = data.contact[owners[row]]
             width = int(contact.dim)
             across = data.efc_force[row + 1 : row + width] / contact.friction[: width - 1]
