@@ -54,7 +54,6 @@ class RunDefaults(_Table):
             ``projection`` (no such terms; positions and velocities are projected after every step) or ``both``. None:
             projection where a solver walks; along other walks, where nothing can be projected, Baumgarte's terms.
         ignore_inequalities: whether to switch off the model's contacts, limits and friction, for MuJoCo as well.
-            Otherwise a run in which one becomes active is refused.
     """
 
     duration_s: Positive = 10.0

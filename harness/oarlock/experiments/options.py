@@ -35,7 +35,7 @@ class RunOptions:
         duration: duration, s.
         rtol: relative tolerance of the solvers that have one.
         ignore_inequalities: run without the model's contacts, limits and friction, MuJoCo too; the provenance says
-            what was left out. Without it a run in which one becomes active is refused.
+            what was left out.
         stepping: ``native`` (the compiled step loops), ``python`` (the same, readable and slow) or ``auto``: native if
             MuJoCo is of the version that they were built against.
         threads: native runs at once; as many as there are cores if left out. Times of solves are best taken with one.

@@ -101,7 +101,7 @@ def survey(name: str, path: Path, *, ignoring: bool) -> Survey:
         ignoring: without contacts, limits and friction.
 
     Raises:
-        RefusedError: a contact, limit or friction is active, and they are not to be ignored.
+        RefusedError: contacts that are no constraint rows, and they are not to be ignored; a law has no value.
         InputError: the model cannot be loaded, or no start of it can be closed.
     """
     model = load_model(path)
@@ -248,7 +248,7 @@ def _exact_run(case: Case, steps: int) -> np.ndarray:
     """Coordinates (steps + 1, nq) of the exact free run; NaN from where it diverged.
 
     Raises:
-        RefusedError: a contact, limit or friction became active.
+        RefusedError: as ``survey``.
     """
     run = case.file.run
     conditions = Conditions(duration_s=(steps + 1) * (run.timestep_s or 0.0))  # a row is of the start of a step
