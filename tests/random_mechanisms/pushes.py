@@ -118,7 +118,7 @@ def prove(mechanism: Mechanism, form: Form) -> Proof:
         active=active,
         unproved=int((steps["unconverged"] > 0).sum()),
         blocked=blocked,
-        newton=float(steps["newton"].fill_null(0).to_numpy().mean()),
+        newton=float(steps["newton"].fill_null(0).to_numpy().sum()) / max(1, len(steps)),
         worst=worst,
         gradient=float(gradient),
         drift=float(drift),
