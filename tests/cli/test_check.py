@@ -31,7 +31,7 @@ def test_the_front_page_shows_what_is_printed(oarlock_here):
     shown = [
         " ".join(line.split())
         for line in front.splitlines()
-        if line.startswith(("    #0 ", "    mimic ", "    note    D2"))
+        if line.startswith(("    connect of ", "    mimic ", "    note    D2"))
     ]
     said = [" ".join(line.split()) for line in oarlock_here("check", GRIPPER, "--budget", "0").stdout.splitlines()]
     assert len(shown) == 3
@@ -43,7 +43,9 @@ def test_json_is_all_there_is_on_standard_output(oarlock_here):
     document = json.loads(said.stdout)
     loops = document["loops"]
     assert (loops["rows"], loops["rank"], loops["redundancy"], loops["dof"]) == (7, 5, 2, 1)
-    assert [one["name"] for one in loops["equalities"]] == ["#0", "#1", "mimic"]
+    assert [one["name"] for one in loops["equalities"]] == [
+        f"connect of '{side}_follower' and '{side}_coupler'" for side in ("right", "left")
+    ] + ["mimic"]
     mimic = next(one for one in document["why"]["equalities"] if one["name"] == "mimic")
     assert sum(mimic["shares"].values()) == pytest.approx(1.0)
     *parts, together = document["why"]["accelerations"]

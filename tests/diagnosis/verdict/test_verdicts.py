@@ -269,7 +269,7 @@ def test_two_finger_gripper():
     exam, findings = as_it_is("gripper_2f/gripper_2f.xml")
     assert "contact between geom 'right_pad' and geom 'left_pad'" in only(findings, "R2").line
     assert exam.exact.end.how == "finished"
-    assert only(findings, "D1").figures["also"] == ["#0"]
+    assert only(findings, "D1").figures["also"] == ["connect of 'right_follower' and 'right_coupler'"]
     assert only(findings, "D2").element == "mimic"
     assert {one.severity for one in findings if one.code[0] == "D"} == {"note"}  # 0.02 mm and 0.02 mrad
     assert exam.recipe.reached

@@ -9,6 +9,7 @@ import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import finite, percent
+from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
@@ -51,7 +52,7 @@ _NAMED = 3
 def in_words(names: list[str]) -> str:
     """Names in quotes, the first few of them."""
     # "and 1 more" would be longer than the name.
-    return few([f"'{name}'" for name in names], most=_NAMED if len(names) > _NAMED + 1 else _NAMED + 1)
+    return few([quoted(name) for name in names], most=_NAMED if len(names) > _NAMED + 1 else _NAMED + 1)
 
 
 def merged(findings: Iterable[Finding]) -> list[Finding]:
@@ -226,7 +227,7 @@ def energy(exam: Examination) -> Iterator[Finding]:
     most = max(attribution.shares, key=lambda share: abs(share.work))
     said = f"the loops {'take' if taken < 0 else 'add'} {abs(taken):.3g} J of a kinetic energy of up to {kinetic:.3g} J"
     if len(attribution.shares) > 1:
-        said += f", '{most.name}' {abs(most.work):.3g} J of it"
+        said += f", {quoted(most.name)} {abs(most.work):.3g} J of it"
     error = float(recording.energy_error[-1])
     yield found("E1", exam.file, said, element=most.name, work_j=taken, kinetic_j=kinetic, energy_error_j=error)
 

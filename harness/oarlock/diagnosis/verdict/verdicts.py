@@ -11,6 +11,7 @@ import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import percent
+from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.loops import Dependency, Group
@@ -163,7 +164,7 @@ def _start(exam: Examination) -> Iterator[Finding]:
         return
     for one in pose.mobility:
         if one.locked:
-            frees = [f"it would move without {' or '.join(repr(name) for name in one.frees)}"] if one.frees else []
+            frees = [f"it would move without {' or '.join(quoted(name) for name in one.frees)}"] if one.frees else []
             said = "; ".join(["closed, and nothing of its loop can move", *tilts, *frees])
             severity: Severity | None = "note" if blame.meant(exam, one) else None
             yield found("S3", file, said, element=one.equalities[0], severity=severity, dof=one.dof, kept=one.kept)
@@ -181,7 +182,7 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         if pose.moved_joint:
             said.append(f"the nearest closed pose moves '{pose.moved_joint}' by {pose.moved:.3g}{_unit(exam, pose)}")
     if fastest.largest > CONSISTENT:
-        whose = "" if fastest.equality == element else f"'{fastest.equality}' "
+        whose = "" if fastest.equality == element else f"{quoted(fastest.equality)} "
         said.append(f"{whose}comes apart at {fastest.told('/s')} at the start")
     size = max(worst.largest, fastest.largest)
     if size <= ROUNDED:
