@@ -128,7 +128,11 @@ def _beyond_repair(exam: Examination) -> set[str]:
     if exam.recording is not None and exam.recording.end.how == "diverged":
         unstable = {groups.get(one.name) for one in exam.settings if not one.stable}
         found_ |= {name for name, group in groups.items() if group in unstable}
-    return found_
+        if any(one.severity != "note" for one in exam.remarks.get("servo", [])):  # no row makes a servo diverge
+            found_ |= set(groups)
+    wrong = [one for lint in ("contradictory", "pin") for one in exam.remarks.get(lint, []) if one.severity is None]
+    locked = {groups.get(name) for one in wrong for name in (one.element, *one.figures["also"])}
+    return found_ | {name for name, group in groups.items() if group in locked}
 
 
 def _figures(share: Share, worst: Drift) -> dict[str, float | str | None]:
