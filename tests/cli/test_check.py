@@ -150,3 +150,33 @@ def test_from_python():
     assert checked.trials.is_empty()
     assert checked.mjcf == ""
     assert "checked" in repr(checked)
+
+
+# Without a run.
+
+
+@pytest.mark.parametrize(("name", "status"), [("mimic_ring", 1), ("drawn_apart", 0), ("contacts", 0)])
+def test_a_lint_is_a_gate_for_errors(oarlock_here, name, status):
+    file = FIXTURES / "check" / f"{name}.xml"
+    said = oarlock_here("check", "--lint", file)
+    assert (said.returncode, said.stderr) == (status, "")
+    assert said.stdout.startswith("Findings\n")
+    machine = oarlock_here("check", "--lint", file, "--json", "-")
+    assert machine.returncode == status
+    document = json.loads(machine.stdout)
+    assert (document["drift"], document["recipe"], document["loops"]) == ([], None, None)
+    assert all(one["code"] in said.stdout for one in document["findings"])
+    assert bool(status) == any(one["severity"] == "error" for one in document["findings"])
+
+
+@pytest.mark.parametrize("flag", ["--report", "--write-keyframe", "--write-tuned", "--fail-above"])
+def test_a_lint_shows_no_run(oarlock_here, flag):
+    said = oarlock_here("check", "--lint", GRIPPER, flag, "1")
+    assert (said.returncode, said.stdout) == (2, "")
+    assert said.stderr == f"oarlock: {flag} with --lint, expected one of the two: it shows a run\n"
+
+
+def test_a_lint_in_python(tmp_path):
+    checked = oarlock.check(FIXTURES / "check" / "welded_pin.xml", lint=True)
+    assert checked.findings["code"].to_list() == ["L10"]
+    assert "L10 pin" in repr(checked)

@@ -223,7 +223,7 @@ def _bent(view: View, ring: Ring) -> Iterator[Remark]:
     same = len(ring.couplings) == 2
     tells = f"'{ring.couplings[0].equality.name}' and '{ring.couplings[1].equality.name}' tie the same two by others"
     said = f"{tells} polynomials" if same else f"the ring {_circle(view, ring)} does not come back to where it begins"
-    yield _remark(ring, f"{said}: off by {off:.2g} of any motion, so that single poses are left", off, off=off)
+    yield _remark(ring, f"{said}: off by {off:.2g} of any motion, so that single poses are left", off, error=off)
 
 
 def _x(view: View, node: Node) -> float:
@@ -251,4 +251,4 @@ def _held(view: View, ring: Ring) -> Iterator[Remark]:
     by = f"by '{last.equality.name}' at {_place(view, node, float(last.polynomial[0]))}"
     ways = ", ".join(f"'{one.equality.name}'" for one in ring.couplings[:-1])
     said = f"held {by}, and by {ways} at {_place(view, node, x)}: no pose satisfies both"
-    yield _remark(ring, said, off, off=off)
+    yield _remark(ring, said, off, error=off)

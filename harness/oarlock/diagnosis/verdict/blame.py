@@ -192,19 +192,23 @@ def _implicit(exam: Examination, place: int) -> float:
     return float(np.linalg.norm(pushed)) / total if total else 0.0
 
 
-def meant(exam: Examination, one: Mobility) -> bool:
-    """Whether a lock is meant: rows far from redundant that hold all there is to move, a single joint, or a mocap's."""
+def lock(exam: Examination, one: Mobility) -> Severity | None:
+    """How bad a lock is; None: as the catalogue has it.
+
+    A note where it is meant, of a single joint or to a mocap body; a warning where its rows are far from redundant, so
+    that no small error made it.
+    """
     assert exam.pose is not None
     if exam.pose.tilts:
-        return False
+        return None
     own = [loop for loop in exam.pose.loops.loops if loop.name in one.equalities]
     single = all(len(loop.path.joints) <= 1 for loop in own)
     mocap = any(exam.model.body_mocapid[body] >= 0 for loop in own for body in loop.equality.bodies)
-    return one.kept > MEANT or single or mocap
+    return "note" if single or mocap else "warning" if one.kept > MEANT else None
 
 
 def _jammed(exam: Examination) -> bool:
-    return exam.pose is not None and any(one.locked and not meant(exam, one) for one in exam.pose.mobility)
+    return exam.pose is not None and any(one.locked and lock(exam, one) is None for one in exam.pose.mobility)
 
 
 # At what price.

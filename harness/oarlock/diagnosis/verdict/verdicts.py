@@ -64,7 +64,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
 
 # What is seen without a run.
 
-_SAID = {"L9": "S3", "L10": "S3", "L11": "L4", "L12": "L3"}
+_SAID = {"L9": "S3", "L10": "S3", "L12": "L3"}
 """Code of a remark → that of a finding which says the same of its equality, only less of it."""
 
 
@@ -177,7 +177,7 @@ def _start(exam: Examination) -> Iterator[Finding]:
         if one.locked:
             frees = [f"it would move without {' or '.join(quoted(name) for name in one.frees)}"] if one.frees else []
             said = "; ".join(["closed, and nothing of its loop can move", *tilts, *frees])
-            severity: Severity | None = "note" if blame.meant(exam, one) else None
+            severity = blame.lock(exam, one)
             yield found("S3", file, said, element=one.equalities[0], severity=severity, dof=one.dof, kept=one.kept)
     if not pose.consistent:
         yield _inconsistent(exam, pose)
