@@ -34,9 +34,10 @@ def _equality(model: mujoco.MjModel, index: int) -> str:
     kind = _KINDS[int(model.eq_type[index])]
     if not kind.known:
         return ""
-    ids, sort = coupled_ids(model, index), mujoco.mjtObj(int(model.eq_objtype[index]))
-    if sort == _SITE:
-        ids, sort = [int(model.site_bodyid[site]) for site in ids], _BODY
+    ids = coupled_ids(model, index)
+    sort = _BODY if kind.joins_points else coupled(kind).object_type
+    if kind.joins_points and model.eq_objtype[index] == _SITE:
+        ids = [int(model.site_bodyid[site]) for site in ids]
     return f"{kind} of {' and '.join(quoted(element_name(model, sort, one)) for one in ids)}"
 
 

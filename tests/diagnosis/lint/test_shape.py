@@ -24,7 +24,13 @@ BESIDE = '<connect name="hinge" body1="rocker" body2="coupler" anchor="-0.02 0 0
 
 @pytest.mark.parametrize(
     ("closing", "dof", "named"),
-    [(PIN, 0, "knee"), (CONNECT, 1, None), (CONNECT + BESIDE, 0, "knee"), (BESIDE, 1, None)],
+    [
+        (PIN, 0, "knee"),
+        (PIN.replace('name="knee"', ""), 0, "weld of 'coupler' and 'rocker'"),
+        (CONNECT, 1, None),
+        (CONNECT + BESIDE, 0, "knee"),
+        (BESIDE, 1, None),
+    ],
 )
 def test_a_weld_where_a_pin_was_meant(closing, dof, named):
     text = text_of("welded_pin.xml").replace(PIN, closing)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oarlock.base.text import quoted
 from oarlock.diagnosis.lint.view import JOINT, TENDON, Remark, View
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality, element_name
@@ -169,7 +170,7 @@ def _place(view: View, node: Node, x: float) -> str:
         zero, unit = float(model.qpos0[model.jnt_qposadr[node[1]]]), "m" if model.jnt_type[node[1]] == 2 else "rad"
     else:
         zero, unit = float(model.tendon_length0[node[1]]), "m"
-    return f"'{_name(view, node)}' = {zero + x + 0.0:.4g} {unit}"
+    return f"{quoted(_name(view, node))} = {zero + x + 0.0:.4g} {unit}"
 
 
 def _circle(view: View, ring: Ring) -> str:
@@ -199,9 +200,8 @@ def _straight(view: View, ring: Ring) -> Iterator[Remark]:
     closing = ring.closing
     at = ring.couplings.index(closing)
     wanted = closing.polynomial[1] * (1.0 / product if ring.nodes[at] == closing.second else product)
-    said += (
-        f"; with the ratio {wanted:.6g} of '{closing.equality.name}' in place of {closing.polynomial[1]:.6g} it turns"
-    )
+    said += f"; with the ratio {wanted:.6g} of {quoted(closing.equality.name)} in place of "
+    said += f"{closing.polynomial[1]:.6g} it turns"
     yield _remark(ring, said, off, product=product, wanted=float(wanted))
 
 
@@ -221,8 +221,12 @@ def _bent(view: View, ring: Ring) -> Iterator[Remark]:
     if off <= DIGITS:
         return
     same = len(ring.couplings) == 2
-    tells = f"'{ring.couplings[0].equality.name}' and '{ring.couplings[1].equality.name}' tie the same two by others"
-    said = f"{tells} polynomials" if same else f"the ring {_circle(view, ring)} does not come back to where it begins"
+    both = " and ".join(quoted(one.equality.name) for one in ring.couplings)
+    said = (
+        f"{both} tie the same two by different polynomials"
+        if same
+        else f"the ring {_circle(view, ring)} does not come back to where it begins"
+    )
     yield _remark(ring, f"{said}: off by {off:.2g} of any motion, so that single poses are left", off, error=off)
 
 
@@ -248,7 +252,7 @@ def _held(view: View, ring: Ring) -> Iterator[Remark]:
     if not off > DIGITS:
         return
     node = ring.nodes[-1]
-    by = f"by '{last.equality.name}' at {_place(view, node, float(last.polynomial[0]))}"
-    ways = ", ".join(f"'{one.equality.name}'" for one in ring.couplings[:-1])
+    by = f"by {quoted(last.equality.name)} at {_place(view, node, float(last.polynomial[0]))}"
+    ways = ", ".join(quoted(one.equality.name) for one in ring.couplings[:-1])
     said = f"held {by}, and by {ways} at {_place(view, node, x)}: no pose satisfies both"
     yield _remark(ring, said, off, error=off)

@@ -9,7 +9,7 @@ from oarlock.base.text import quoted
 from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import Group, loops_at
-from oarlock.diagnosis.loops.mobility import Mobility, find_mobility
+from oarlock.diagnosis.loops.mobility import find_mobility
 from oarlock.mechanics.names import Equality
 
 JOINTS = 3
@@ -70,7 +70,7 @@ def _mobility(view: View, group: Group, one: Equality, drop: bool) -> int:
     if not assembly.close():
         return 0
     loops = loops_at(assembly, dependent=False)
-    found: list[Mobility] = [
-        each for each in find_mobility(assembly, loops) if set(each.equalities) & {*group.equalities}
-    ]
-    return sum(each.near for each in found if each.moves)
+    # By their numbers: a weld without a name is called another way as a connect.
+    own = {loop.equality.index for loop in view.loops.loops if loop.name in group.equalities}
+    names = {loop.name for loop in loops.loops if loop.equality.index in own}
+    return sum(each.near for each in find_mobility(assembly, loops) if each.moves and names & {*each.equalities})
