@@ -217,7 +217,7 @@ def _bent(view: View, ring: Ring) -> Iterator[Remark]:
             after = ring.nodes[(at + 1) % len(ring.nodes)]
             x = one.onwards(x, ring.nodes[at], _x(view, after))
         missed.append(abs(x - start - turned) / abs(turned))
-    off = min(missed) if np.isfinite(missed).all() else 0.0
+    off = sorted(missed)[1] if np.isfinite(missed).all() else 0.0  # at one of them the curves may cross
     if off <= DIGITS:
         return
     same = len(ring.couplings) == 2
