@@ -298,7 +298,8 @@ def _run(found: Examination) -> None:
         found.missing["exact"] = "there is no closed start to run it from"
     if found.recording is not None:
         found.drifts = find_drifts(found.recording, found.exact)
-        _collisions(found)
+        with _Reason(found, "collisions"):
+            _collisions(found)
         found.lags = find_lags(found.recording, found.qpos, found.qvel, found.laws, VISIBLE)
 
 

@@ -1,5 +1,6 @@
 """L9: couplings in a ring that agree in one pose only, or in none."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -190,6 +191,8 @@ def _straight(view: View, ring: Ring) -> Iterator[Remark]:
         product *= one.ratio(node)
         offset = one.onwards(offset, node, 0.0)
     off = abs(product - 1.0)
+    if not math.isfinite(product + offset):
+        return
     if off <= DIGITS:
         if abs(offset) > DIGITS:
             said = f"the ring {_circle(view, ring)} comes back off by {offset:.4g}: no pose satisfies its offsets"

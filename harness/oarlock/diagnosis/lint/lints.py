@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
 from oarlock.diagnosis.lint import (
     collision,
     contradictory,
@@ -38,5 +40,5 @@ def look(view: View) -> dict[str, list[Remark]]:
     Raises:
         InputError: an active equality of a kind whose rows are not known.
     """
-    with collected_warnings():  # the run tells them
+    with collected_warnings(), np.errstate(all="ignore"):  # what is beyond all bounds, the run tells
         return {name: list(one(view)) for name, one in LINTS.items()}

@@ -101,6 +101,13 @@ class Linear:
 
 def look(view: View) -> Iterator[Remark]:
     """A remark an actuator, or one of all that shake the mechanism only together."""
+    try:
+        yield from list(_shaking(view))
+    except np.linalg.LinAlgError:  # numbers beyond all bounds: the run tells where they lead
+        return
+
+
+def _shaking(view: View) -> Iterator[Remark]:
     model, data = view.model, view.data
     every = feedbacks(model, data)
     if not every:
