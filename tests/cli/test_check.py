@@ -31,7 +31,7 @@ def test_the_front_page_shows_what_is_printed(oarlock_here):
     shown = [
         " ".join(line.split())
         for line in front.splitlines()
-        if line.startswith(("    #0 ", "    mimic ", "    note    D2"))
+        if line.startswith(("    connect of ", "    mimic ", "    note    D2"))
     ]
     said = [" ".join(line.split()) for line in oarlock_here("check", GRIPPER, "--budget", "0").stdout.splitlines()]
     assert len(shown) == 3
@@ -43,7 +43,9 @@ def test_json_is_all_there_is_on_standard_output(oarlock_here):
     document = json.loads(said.stdout)
     loops = document["loops"]
     assert (loops["rows"], loops["rank"], loops["redundancy"], loops["dof"]) == (7, 5, 2, 1)
-    assert [one["name"] for one in loops["equalities"]] == ["#0", "#1", "mimic"]
+    assert [one["name"] for one in loops["equalities"]] == [
+        f"connect of '{side}_follower' and '{side}_coupler'" for side in ("right", "left")
+    ] + ["mimic"]
     mimic = next(one for one in document["why"]["equalities"] if one["name"] == "mimic")
     assert sum(mimic["shares"].values()) == pytest.approx(1.0)
     *parts, together = document["why"]["accelerations"]
@@ -148,3 +150,33 @@ def test_from_python():
     assert checked.trials.is_empty()
     assert checked.mjcf == ""
     assert "checked" in repr(checked)
+
+
+# Without a run.
+
+
+@pytest.mark.parametrize(("name", "status"), [("mimic_ring", 1), ("drawn_apart", 0), ("contacts", 0)])
+def test_a_lint_is_a_gate_for_errors(oarlock_here, name, status):
+    file = FIXTURES / "check" / f"{name}.xml"
+    said = oarlock_here("check", "--lint", file)
+    assert (said.returncode, said.stderr) == (status, "")
+    assert said.stdout.startswith("Findings\n")
+    machine = oarlock_here("check", "--lint", file, "--json", "-")
+    assert machine.returncode == status
+    document = json.loads(machine.stdout)
+    assert (document["drift"], document["recipe"], document["loops"]) == ([], None, None)
+    assert all(one["code"] in said.stdout for one in document["findings"])
+    assert bool(status) == any(one["severity"] == "error" for one in document["findings"])
+
+
+@pytest.mark.parametrize("flag", ["--report", "--write-keyframe", "--write-tuned", "--fail-above"])
+def test_a_lint_shows_no_run(oarlock_here, flag):
+    said = oarlock_here("check", "--lint", GRIPPER, flag, "1")
+    assert (said.returncode, said.stdout) == (2, "")
+    assert said.stderr == f"oarlock: {flag} with --lint, expected one of the two: it shows a run\n"
+
+
+def test_a_lint_in_python(tmp_path):
+    checked = oarlock.check(FIXTURES / "check" / "welded_pin.xml", lint=True)
+    assert checked.findings["code"].to_list() == ["L10"]
+    assert "L10 pin" in repr(checked)

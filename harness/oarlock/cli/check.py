@@ -1,6 +1,6 @@
 """``oarlock check``: what it prints, and its exit status."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,6 +37,7 @@ def check(
     ignore_inequalities: Annotated[
         bool, typer.Option("--ignore-inequalities", help="Without contacts, limits and friction.")
     ] = False,
+    lint: Annotated[bool, typer.Option("--lint", help="Only what is seen without a run: milliseconds.")] = False,
     fail_above: Annotated[
         float | None, typer.Option(metavar="METRES", help="Status 1 if an equality drifts further, m or rad.")
     ] = None,
@@ -52,7 +53,10 @@ def check(
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Why do the loops of a model come apart, and what would hold them? Status 1: --fail-above was exceeded."""
+    """Why do the loops of a model come apart, and what would hold them?
+
+    Status 1: --fail-above was exceeded, or --lint found an error.
+    """
     printing = as_json != "-"
     options = CheckOptions(
         keyframe=keyframe,
@@ -66,7 +70,13 @@ def check(
         budget=budget,
         ignore_inequalities=ignore_inequalities,
         fail_above=fail_above,
+        lint=lint,
     )
+    if lint:
+        _require_alone(
+            {"--report": report, "--write-keyframe": write_keyframe, "--write-tuned": write_tuned}
+            | {"--fail-above": fail_above}
+        )
     exam = begun(file, options)
     for part in parts(exam):
         if printing:
@@ -82,10 +92,18 @@ def check(
         say(f"oarlock: {checked.report(report)}")
     if as_json:
         emit_json(checked.document(), as_json)
+    if lint and any(finding.severity == "error" for finding in checked.verdict):
+        raise typer.Exit(GATE_FAILED)
     above = [finding for finding in checked.verdict if finding.code == "D7"]
     if above:
         say(f"oarlock: {above[0]}")
         raise typer.Exit(GATE_FAILED)
+
+
+def _require_alone(others: Mapping[str, object]) -> None:
+    for flag, value in others.items():
+        if value is not None:
+            raise InputError(f"{flag} with --lint, expected one of the two: it shows a run")
 
 
 def _constants(given: Sequence[str]) -> dict[str, float]:

@@ -136,6 +136,8 @@ def check(
 ) -> Checked:
     """Finds out why the loops of a model come apart, and what would hold them.
 
+    With ``lint=True`` only what can be seen without a run: findings alone, in milliseconds.
+
     Args:
         file: MJCF file, or name of a model that comes along.
         options: what is asked for.
@@ -148,8 +150,9 @@ def check(
     from oarlock.diagnosis.examination import PARTS
 
     progress = progress or Progress()
-    progress.begin("checking", len(PARTS))
-    examination = begun(file, complete(CheckOptions, options, keywords))
+    options = complete(CheckOptions, options, keywords)
+    progress.begin("checking", 0 if options.lint else len(PARTS))
+    examination = begun(file, options)
     for part in parts(examination):
         progress.advance(1)
         progress.finished(part)

@@ -10,6 +10,10 @@ import numpy as np
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.case import load_case
 from oarlock.cases.integrators import RUNNING
+from oarlock.diagnosis.lint import collision
+from oarlock.diagnosis.lint.collision import Collision
+from oarlock.diagnosis.lint.lints import look
+from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.diagnosis.loops.events import RankHistory, rank_events
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.loops.stops import Stops, find_stops
@@ -24,6 +28,7 @@ from oarlock.diagnosis.runs.lag import Lag, find_lags
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
+from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
 from oarlock.mechanics.inequalities import ignore_inequalities
@@ -61,6 +66,8 @@ class Examination:
         own_s: how long the case's own run takes, s; None of a file.
         steps: of the run.
         ignored: contacts, limits and friction that were left out, in words; empty if none were.
+        remarks: lint → what can be seen without a run.
+        collisions: bodies that an equality joins and that collide, with what they cost in the run.
         pose: the nearest closed start, with the loops there (``pose.loops``).
         settings: spring, damper and stability of every equality.
         recording: MuJoCo's own run; exact: the exact solution from the closed start.
@@ -88,6 +95,8 @@ class Examination:
     options: CheckOptions
     steps: int = 0
     ignored: str = ""
+    remarks: dict[str, list[Remark]] = field(default_factory=dict)
+    collisions: tuple[Collision, ...] = ()
     pose: ClosedPose | None = None
     settings: list[EqualityStability] = field(default_factory=list)
     recording: Recording | None = None
@@ -223,7 +232,12 @@ def examine(found: Examination) -> Iterator[str]:
     A part that cannot be found out leaves its reason in ``missing``; the others go on.
     """
     data = _data(found)
+    if found.options.lint:
+        _lint(found)
+        found.settings = stability(found.model)
+        return
     found.pose = nearest_closed(found.model, found.qpos, found.qvel, data)
+    _lint(found)
     yield "loops"
     found.settings = stability(found.model)
     yield "start"
@@ -235,6 +249,27 @@ def examine(found: Examination) -> Iterator[str]:
     yield "remedy"
     _forces(found)
     yield "forces"
+
+
+def _lint(found: Examination) -> None:
+    """What can be seen without a run."""
+    view = View(found.model, _data(found), found.pose)
+    found.collisions = collision.find(view)
+    found.remarks = look(view)
+
+
+def _collisions(found: Examination) -> None:
+    """What the bodies that collide cost: the same run without their contacts."""
+    recording = found.recording
+    if recording is None or not recording.steps:
+        return
+    view = View(found.model, _data(found), found.pose)
+    every = [*found.collisions, *collision.later(view, recording.pushes, found.collisions)]
+    if every:
+        pairs = {one.bodies for one in every}
+        without = drifts_without(recording, found.qpos, found.qvel, found.laws, pairs)
+        found.collisions = collision.measured(every, found.drifts, without)
+        found.remarks["collision"] = list(collision.tell(found.collisions))
 
 
 def _data(found: Examination) -> mujoco.MjData:
@@ -263,6 +298,8 @@ def _run(found: Examination) -> None:
         found.missing["exact"] = "there is no closed start to run it from"
     if found.recording is not None:
         found.drifts = find_drifts(found.recording, found.exact)
+        with _Reason(found, "collisions"):
+            _collisions(found)
         found.lags = find_lags(found.recording, found.qpos, found.qvel, found.laws, VISIBLE)
 
 

@@ -35,6 +35,7 @@ class CheckOptions:
             clock of this machine only cuts short what takes ten times as long.
         ignore_inequalities: without contacts, limits and friction, on both sides.
         fail_above: bound on the drift, m or rad; beyond it there is an error among the findings.
+        lint: only what can be seen without a run, in milliseconds.
 
     Raises:
         InputError: an unknown integrator or kind of controls, or a number out of range.
@@ -51,6 +52,7 @@ class CheckOptions:
     budget: float = BUDGET_S
     ignore_inequalities: bool = False
     fail_above: float | None = None
+    lint: bool = False
 
     def __post_init__(self):
         for name, unit in (("duration", "s"), ("timestep", "s"), ("target", "")):

@@ -17,6 +17,7 @@ from oarlock.base.errors import InputError, RefusedError, few, one_line
 from oarlock.base.files import write_text
 from oarlock.base.progress import Progress
 from oarlock.base.scratch import scratch_folder, sweep_up
+from oarlock.base.text import quoted
 from oarlock.cases import case as cases
 from oarlock.cases.case import Case, load_case
 from oarlock.experiments.outcome import Results
@@ -126,7 +127,7 @@ class Scaffold:
     def lines(self) -> list[str]:
         """A short summary."""
         found, start = self.found, self.found.start
-        open_ones = [f"'{name}'" for name, unique in start.unique.items() if not unique]
+        open_ones = [quoted(name) for name, unique in start.unique.items() if not unique]
         whose = ", the model's own" if found.own_timestep else ""
         said = [
             f"{self.name}: {self.closed_by}; {found.model.nv} velocities, {start.rows} rows of rank {start.rank} "

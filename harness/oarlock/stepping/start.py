@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, choose
+from oarlock.base.text import quoted
 from oarlock.cases.case import Case
 from oarlock.cases.point import DISTURBANCE
 from oarlock.mechanics.drive import Drive
@@ -73,7 +74,7 @@ def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: 
 def _cannot_close(model: mujoco.MjModel, data: mujoco.MjData, given: np.ndarray, case: Case) -> str:
     row = int(np.abs(data.efc_pos[: data.ne]).argmax())
     name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(data.efc_id[row]))
-    said = f"equality '{name}' stays open by {gap(data):.3g}, expected at most {CONSISTENT:g}"
+    said = f"equality {quoted(name)} stays open by {gap(data):.3g}, expected at most {CONSISTENT:g}"
     data.qpos[:] = given
     return f"start of case '{case.name}' cannot be closed: {said}; {culprits(model, data, case.file.rank_cut)}"
 

@@ -41,6 +41,16 @@ NAMES = {
     "C1": "fights-loop",
     "C2": "friction-lag",
     "C3": "locked-by-limits",
+    "C4": "collision",
+    "L9": "contradictory",
+    "L10": "pin",
+    "L11": "doubled",
+    "L12": "idle",
+    "S5": "drawn",
+    "S6": "by-definition",
+    "A1": "servo",
+    "A2": "unit",
+    "T6": "under-damped",
     "V1": "version",
     "V2": "sparse-newton",
 }
@@ -55,7 +65,7 @@ def test_codes_are_stable():
 @pytest.mark.parametrize("code", NAMES)
 def test_every_code_has_all_parts(code):
     entry = catalogue()[code]
-    assert re.fullmatch(r"[A-Z][1-9]", code)
+    assert re.fullmatch(r"[A-Z][1-9][0-9]?", code)
     assert re.fullmatch(r"[a-z]+(-[a-z]+)*", entry.name)
     assert entry.severity in SEVERITIES
     assert entry.title.endswith(".")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 import pytest
 from gallery import looked_at
 from mechanisms import four_bar, write_model
@@ -49,6 +50,9 @@ def only(findings: list[Finding], code: str) -> Finding:
     return one
 
 
+LINTED = {"A1", "A2", "C4", "L8", "L9", "L10", "L11", "L12", "S5", "S6", "T6"}
+"""Codes of findings that need no run."""
+
 # The whole table.
 
 FOUND = {
@@ -67,7 +71,14 @@ FOUND = {
     "short_arm.xml": {"S2", "L3"},
     "thirty_equalities.xml": {"S3", "D1", "D2", "D5", "V2", "T1", "L3", "L6"},
     "tilted_hinge.xml": {"S3", "D1", "D5", "T1"},
+    "drawn_apart.xml": {"S5", "S1", "S6", "L3", "T1"},
+    "mimic_ring.xml": {"L9", "T1"},
+    "pin_collision.xml": {"C4", "C1", "D1", "R2", "U3", "L3", "T1"},
+    "ringing.xml": {"L11", "L12", "T6", "L2", "D1", "U1", "L3", "L4", "T1", "V1"},
+    "stiff_servo.xml": {"A1", "R1", "L3", "T1"},
     "two_walls.xml": {"S2"},
+    "welded_pin.xml": {"L10", "L3", "T1"},
+    "wrong_units.xml": {"A2", "S1", "R2", "T1"},
     "unreachable.xml": {"S2", "L3"},
 }
 
@@ -85,6 +96,64 @@ def test_findings(name):
         assert one.file == exam.file
         assert not one.line.endswith(".")
         assert "nan" not in one.line.split()
+
+
+# What is seen without a run.
+
+
+def test_a_collision_is_measured_by_taking_it_away():
+    """The drift beside it is that of plain MuJoCo with the pair excluded in the file, to the last digit printed."""
+    exam, findings = as_it_is("pin_collision.xml")
+    one = only(findings, "C4")
+    (pair,) = exam.collisions
+    assert (pair.body1, pair.body2, pair.equality) == ("coupler", "slider", "wrist")
+    text = (CHECK / "pin_collision.xml").read_text(encoding="utf-8")
+    exclude = '<contact><exclude body1="coupler" body2="slider"/></contact>'
+    for drift, given in ((pair.drift, text), (pair.drift_without, text.replace("</mujoco>", f"{exclude}</mujoco>"))):
+        model = mujoco.MjModel.from_xml_string(given)
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        largest = 0.0
+        for _ in range(exam.steps):
+            mujoco.mj_step(model, data)
+            largest = max(largest, float(np.linalg.norm(data.efc_pos[:3])))
+        assert drift == pytest.approx(largest, rel=1e-9)
+    assert f"opens by {pair.drift:.3g} m, by {pair.drift_without:.3g} m without the contact between them" in one.line
+    assert one.figures["drift_without"] == pair.drift_without
+
+
+def test_joined_bodies_that_touch_only_later_are_named_where_that_opens_them(tmp_path):
+    """A bar that hangs from two pins swings against the plate that one of them is on."""
+    text = (CHECK / "pin_collision.xml").read_text(encoding="utf-8")
+    later = text.replace(
+        '<geom type="box" size="0.03 0.02 0.02"/>', '<geom type="box" size="0.02 0.02 0.02" pos="-0.1 -0.06 0"/>'
+    )
+    file = tmp_path / "later.xml"
+    file.write_text(later, encoding="utf-8")
+    exam = examined(file, CheckOptions(budget=0))
+    (pair,) = exam.collisions
+    assert pair.depth == 0.0
+    assert pair.drift_without < 0.5 * pair.drift
+    assert "collide in the run" in only(judge(exam), "C4").line
+    early = examined(file, CheckOptions(budget=0, duration=0.05))
+    assert early.collisions == ()
+
+
+@pytest.mark.parametrize("name", ["mimic_ring.xml", "welded_pin.xml"])
+def test_what_stiffness_does_not_cure_is_not_called_soft(name):
+    _, findings = as_it_is(name)
+    assert findings[0].severity == "error"
+    assert not {"D1", "S3"} & codes(findings)
+
+
+@pytest.mark.parametrize("name", [name for name in FOUND if "/" not in name])
+def test_a_check_says_what_a_lint_says(name):
+    def seen(findings):
+        return {(one.code, one.element) for one in findings if one.code in LINTED}
+
+    lint = judge(examined(CHECK / name, CheckOptions(lint=True)))
+    assert seen(lint) == seen(as_it_is(name)[1])
+    assert {one.code for one in lint} <= codes(as_it_is(name)[1]) | {"T2"}
 
 
 # Loops.
@@ -269,7 +338,7 @@ def test_two_finger_gripper():
     exam, findings = as_it_is("gripper_2f/gripper_2f.xml")
     assert "contact between geom 'right_pad' and geom 'left_pad'" in only(findings, "R2").line
     assert exam.exact.end.how == "finished"
-    assert only(findings, "D1").figures["also"] == ["#0"]
+    assert only(findings, "D1").figures["also"] == ["connect of 'right_follower' and 'right_coupler'"]
     assert only(findings, "D2").element == "mimic"
     assert {one.severity for one in findings if one.code[0] == "D"} == {"note"}  # 0.02 mm and 0.02 mrad
     assert exam.recipe.reached

@@ -40,6 +40,7 @@ def document(exam: Examination, findings: Sequence[Finding]) -> dict[str, Any]:
                 for one in exam.settings
             ],
             "drift": [asdict(one) for one in exam.drifts],
+            "collisions": [asdict(one) for one in exam.collisions],
             "exact": _exact(exam),
             "why": _why(exam),
             "recipe": _recipe(exam),

@@ -9,6 +9,7 @@ import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import finite, percent
+from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
@@ -51,7 +52,7 @@ _NAMED = 3
 def in_words(names: list[str]) -> str:
     """Names in quotes, the first few of them."""
     # "and 1 more" would be longer than the name.
-    return few([f"'{name}'" for name in names], most=_NAMED if len(names) > _NAMED + 1 else _NAMED + 1)
+    return few([quoted(name) for name in names], most=_NAMED if len(names) > _NAMED + 1 else _NAMED + 1)
 
 
 def merged(findings: Iterable[Finding]) -> list[Finding]:
@@ -127,7 +128,11 @@ def _beyond_repair(exam: Examination) -> set[str]:
     if exam.recording is not None and exam.recording.end.how == "diverged":
         unstable = {groups.get(one.name) for one in exam.settings if not one.stable}
         found_ |= {name for name, group in groups.items() if group in unstable}
-    return found_
+        if any(one.severity != "note" for one in exam.remarks.get("servo", [])):  # no row makes a servo diverge
+            found_ |= set(groups)
+    wrong = [one for lint in ("contradictory", "pin") for one in exam.remarks.get(lint, []) if one.severity is None]
+    locked = {groups.get(name) for one in wrong for name in (one.element, *one.figures["also"])}
+    return found_ | {name for name, group in groups.items() if group in locked}
 
 
 def _figures(share: Share, worst: Drift) -> dict[str, float | str | None]:
@@ -187,19 +192,23 @@ def _implicit(exam: Examination, place: int) -> float:
     return float(np.linalg.norm(pushed)) / total if total else 0.0
 
 
-def meant(exam: Examination, one: Mobility) -> bool:
-    """Whether a lock is meant: rows far from redundant that hold all there is to move, a single joint, or a mocap's."""
+def lock(exam: Examination, one: Mobility) -> Severity | None:
+    """How bad a lock is; None: as the catalogue has it.
+
+    A note where it is meant, of a single joint or to a mocap body; a warning where its rows are far from redundant, so
+    that no small error made it.
+    """
     assert exam.pose is not None
     if exam.pose.tilts:
-        return False
+        return None
     own = [loop for loop in exam.pose.loops.loops if loop.name in one.equalities]
     single = all(len(loop.path.joints) <= 1 for loop in own)
     mocap = any(exam.model.body_mocapid[body] >= 0 for loop in own for body in loop.equality.bodies)
-    return one.kept > MEANT or single or mocap
+    return "note" if single or mocap else "warning" if one.kept > MEANT else None
 
 
 def _jammed(exam: Examination) -> bool:
-    return exam.pose is not None and any(one.locked and not meant(exam, one) for one in exam.pose.mobility)
+    return exam.pose is not None and any(one.locked and lock(exam, one) is None for one in exam.pose.mobility)
 
 
 # At what price.
@@ -226,7 +235,7 @@ def energy(exam: Examination) -> Iterator[Finding]:
     most = max(attribution.shares, key=lambda share: abs(share.work))
     said = f"the loops {'take' if taken < 0 else 'add'} {abs(taken):.3g} J of a kinetic energy of up to {kinetic:.3g} J"
     if len(attribution.shares) > 1:
-        said += f", '{most.name}' {abs(most.work):.3g} J of it"
+        said += f", {quoted(most.name)} {abs(most.work):.3g} J of it"
     error = float(recording.energy_error[-1])
     yield found("E1", exam.file, said, element=most.name, work_j=taken, kinetic_j=kinetic, energy_error_j=error)
 
