@@ -10,6 +10,7 @@ from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
 from oarlock.diagnosis.runs.controls import drive
+from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
@@ -32,12 +33,14 @@ class Setting:
     Attributes:
         integrator: by its name.
         solref, solimp: None: as authored.
+        solving: solver, iterations and tolerance; None: as authored.
     """
 
     timestep_s: float
     integrator: str
     solref: tuple[float, float] | None = None
     solimp: tuple[float, float, float, float, float] | None = None
+    solving: Solving | None = None
 
     @classmethod
     def authored(cls, model: mujoco.MjModel) -> "Setting":
@@ -62,10 +65,13 @@ class Setting:
             model.eq_solref[ours] = self.solref
         if self.solimp is not None:
             model.eq_solimp[ours] = self.solimp
+        if self.solving is not None:
+            self.solving.apply(model)
 
     def option_attributes(self) -> dict[str, str]:
         """Attributes of ``<option>``."""
-        return {"timestep": exact(self.timestep_s), "integrator": INTEGRATORS[self.integrator].mjcf}
+        given = {"timestep": exact(self.timestep_s), "integrator": INTEGRATORS[self.integrator].mjcf}
+        return given | (self.solving.attributes() if self.solving is not None else {})
 
     def equality_attributes(self) -> dict[str, str]:
         """Attributes of every equality; none where they stay as authored."""
