@@ -15,6 +15,8 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from oarlock.diagnosis.loops.gaps import Opening, opening
+from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import stability
@@ -39,17 +41,17 @@ class Without:
 
     Attributes:
         cause: what was taken away.
-        left: equality → largest deviation of any of its rows, as they are; empty where the run diverged.
+        left: equality → its largest gap; empty where the run diverged.
     """
 
     cause: Cause
-    left: dict[str, float]
+    left: dict[str, Opening]
 
     def part(self, equality: str, given: float) -> float | None:
-        """How much of a deviation the cause makes, 0 to 1; None where the run did not last."""
+        """How much of a gap (m or rad) the cause makes, 0 to 1; None where the run did not last."""
         if equality not in self.left or not given:
             return None
-        return min(1.0, max(0.0, 1.0 - self.left[equality] / abs(given)))
+        return min(1.0, max(0.0, 1.0 - self.left[equality].largest / given))
 
 
 def find_without(recording: Recording, qpos: np.ndarray, qvel: np.ndarray, laws: dict[str, str]) -> list[Without]:
@@ -78,10 +80,8 @@ def implicit(model: mujoco.MjModel, integrator: str) -> bool:
 
 
 def _finer(model: mujoco.MjModel) -> None:
-    for one in stability(model):
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_EQUALITY, one.name)
-        index = int(one.name[1:]) if index < 0 else index
-        model.eq_solref[index] = one.settings.effective
+    for equality, one in zip(Layout.of(model).equalities, stability(model), strict=True):
+        model.eq_solref[equality.index] = one.settings.effective
     model.opt.timestep /= PARTS
 
 
@@ -103,13 +103,22 @@ def _without(
     change(model)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = qpos, qvel
-    worst = np.zeros(model.neq)
-    taken = 0
+    layout, taken = recording.layout, 0
+    columns, position = RowColumns(layout), np.zeros((recording.steps, layout.rows))
     with np.errstate(all="ignore"), collected_warnings():
         for step in walk(model, data, drive(model, laws), parts * recording.steps):
             if step % parts == 0:
-                np.maximum.at(worst, data.efc_id[: data.ne], np.abs(data.efc_pos[: data.ne]))
+                position[step // parts, columns.of(data)] = data.efc_pos[: data.ne]
             taken = step + 1
     if taken < parts * recording.steps:
         return Without(cause, {})
-    return Without(cause, {one.name: float(worst[one.index]) for one in recording.layout.equalities})
+    left = {one.name: _worst(model, layout, place, position) for place, one in enumerate(layout.equalities)}
+    return Without(cause, left)
+
+
+def _worst(model: mujoco.MjModel, layout: Layout, place: int, position: np.ndarray) -> Opening:
+    """The largest gap of an equality: of its points or of its angle, whichever is larger."""
+    own = position[:, layout.of_equality(place)]
+    parts = [own[:, :3], own[:, 3:]] if own.shape[1] == 6 else [own]
+    instants = {int(np.linalg.norm(part, axis=1).argmax()) for part in parts}
+    return max((opening(model, layout.equalities[place], own[at]) for at in instants), key=lambda one: one.largest)

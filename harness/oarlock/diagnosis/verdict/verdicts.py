@@ -18,7 +18,7 @@ from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.loops.rank import CUT, NEAR
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.stability import EqualityStability
-from oarlock.diagnosis.verdict import blame
+from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.names import element_name
@@ -44,16 +44,20 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         fail_above: bound on every equality's drift, m or rad; exceeding it is the error D7.
     """
     parts = (
+        motions.dead_point,
+        motions.branch,
         _start,
+        motions.lasting,
         _settings,
         _run,
+        motions.pace,
         blame.drift,
+        motions.starved,
         blame.energy,
         blame.remedy,
         _motion,
         _reactions,
         _loops,
-        blame.version,
     )
     findings = [finding for part in parts for finding in merged(part(examination))]
     if fail_above is not None:
