@@ -21,8 +21,15 @@ from oarlock.mechanics.names import element_name
 TORN = 1e-3
 """Of the size of the loops: one that opens by less was not torn."""
 
-BEYOND = 0.02
-"""rad, or of the size: a joint that goes further than its limit by this is beyond it."""
+BEYOND = 0.3
+"""rad, or of the size: a joint that goes further than its limit by this is through. Every rocker has such limits, and a
+soft loop overshoots them by what it is open, divided by a length."""
+
+CLOSED = 0.05
+"""Of the size of the loops: a loop that is open by more before its joint comes to the limit was not torn there."""
+
+TURNS = 0.1
+"""rad, or of the size: the exact motion turns back where it comes so near to the limit."""
 
 ROUND = 2.0 * np.pi
 """rad, or sizes: a joint that comes so far has no end."""
@@ -73,14 +80,13 @@ def find_dead_point(
         data: mocap bodies and which equalities are active; left alone.
     """
     model, found = recording.model, []
-    finite = np.isfinite(recording.qpos).all(axis=1)
-    poses, times = recording.qpos[finite], recording.time[finite]
-    if not len(poses):
+    if recording.end.how != "finished" or not recording.steps:  # what diverges goes everywhere
         return None
+    poses, times = recording.qpos, recording.time
     assembly = Assembly(model, data)
     for number, group in enumerate(loops.groups):
         places = [place for place, one in enumerate(recording.layout.equalities) if one.name in group.equalities]
-        deviations = np.abs(recording.position[finite])
+        deviations = np.abs(recording.position)
         worst = max(float(deviations[:, recording.layout.of_equality(place)].max(initial=0.0)) for place in places)
         if worst <= TORN * size or group.dof < 1 or not Linkage.serves(model, loops, number):
             continue
@@ -125,16 +131,21 @@ def _limited(
     start, turns = closed, None
     if exact is not None and len(exact.qpos):
         nearest = int((way * exact.qpos[:, place]).argmax())
+        if nearest in (0, len(exact.qpos) - 1):  # it does not turn: MuJoCo's motion is another one for another reason
+            return None
         start, turns = exact.qpos[nearest], float(exact.time[nearest])
-        if nearest in (0, len(exact.qpos) - 1):
-            turns = None
     furthest = float(way * (way * poses[:, place]).max())
     needed = min(way * (furthest - float(start[place])), ROUND * whole)
     reach = linkage.reach(start, joint, way, needed)
     if not np.isfinite(reach.limit) or way * (furthest - reach.limit) <= BEYOND * whole:
         return None
+    if turns is not None and way * (reach.limit - float(start[place])) > TURNS * whole:
+        return None
     at = int((way * poses[:, place] > way * reach.limit + BEYOND * whole).argmax())
-    layout, after = recording.layout, recording.position[: len(poses)][at:]
+    arrives = int((way * poses[:, place] > way * reach.limit).argmax())
+    if float(recording.drift[: arrives + 1].max()) > CLOSED * linkage.size:
+        return None
+    layout, after = recording.layout, recording.position[at:]
     openings = {one: _worst(model, layout, one, after) for one in places}
     most = max(openings, key=lambda one: openings[one].largest)
     dof = int(model.jnt_dofadr[joint])
@@ -149,7 +160,7 @@ def _limited(
         equality=layout.equalities[most].name,
         equalities=tuple(layout.equalities[one].name for one in places),
         torn=openings[most],
-        speed=float(np.abs(recording.qvel[: len(poses)][at:, dof]).max()),
+        speed=float(np.abs(recording.qvel[at:, dof]).max()),
     )
 
 
