@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError, choose
+from oarlock.base.errors import InputError, choose, few
 from oarlock.cases.case import load_case
 from oarlock.cases.integrators import RUNNING
 from oarlock.diagnosis.loops.extent import extent
@@ -32,6 +32,7 @@ from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
 from oarlock.diagnosis.runs.without import Without, find_without
+from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
@@ -263,7 +264,9 @@ def examine(found: Examination) -> Iterator[str]:
 
 
 def _data(found: Examination) -> mujoco.MjData:
+    """The start, with flexes let go: their rows are not looked at."""
     data = mujoco.MjData(found.model)
+    data.eq_active[flex_equalities(found.model)] = 0
     data.qpos[:], data.qvel[:] = found.qpos, found.qvel
     return data
 
@@ -274,7 +277,8 @@ def _run(found: Examination) -> None:
         found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps)
     if found.closed:
         with _Reason(found, "exact"):
-            found.exact = record_exact(found.model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
+            model = _exact_model(found)
+            found.exact = record_exact(model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
             end = found.exact.end
             if end.how == "diverged":  # what it showed before proves nothing
                 found.exact = None
@@ -293,6 +297,22 @@ def _run(found: Examination) -> None:
         if found.closed and found.recording.steps:
             loops = found.pose.loops
             found.dead_point = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
+
+
+def _exact_model(found: Examination) -> mujoco.MjModel:
+    """The model of the exact run: without its flexes, where nothing joins them to the loops.
+
+    Raises:
+        InputError: something does.
+    """
+    assert found.pose is not None
+    loops = found.pose.loops
+    touched = found.recording is not None and any("flex" in push.name for push in found.recording.pushes)
+    dofs = sorted({dof for number in range(len(loops.groups)) for dof in loops.dofs(number)})
+    if flex_equalities(found.model) and (touched or joined(found.model, dofs)):
+        names = few([f"'{name}'" for name in flex_names(found.model)])
+        raise InputError(f"the flex {names} is left as MuJoCo has it, and acts on the loops")
+    return without_flexes(found.model)
 
 
 def _causes(found: Examination) -> None:

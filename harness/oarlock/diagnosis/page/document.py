@@ -13,6 +13,7 @@ from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.runs.row_law import CAUSES
 from oarlock.diagnosis.runs.trials import Trial
 from oarlock.diagnosis.verdict.findings import Finding
+from oarlock.mechanics.flexes import flex_names
 from oarlock.tables.provenance import occasion, versions
 
 
@@ -33,6 +34,7 @@ def document(exam: Examination, findings: Sequence[Finding]) -> dict[str, Any]:
             "target": exam.target,
             "size": exam.size,
             "ignored": exam.ignored,
+            "flexes": flex_names(exam.model),
             "missing": exam.missing,
             "loops": _loops(exam),
             "start": _start(exam),

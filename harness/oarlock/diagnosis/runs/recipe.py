@@ -188,6 +188,7 @@ class _Search:
         self._refused = self._short = ""
         self._floored = False
         self._solving: Solving | None = None
+        self._asked = False
         self._starved: Starved | None = None
         self._trials: list[Trial] = []
 
@@ -317,8 +318,9 @@ class _Search:
     def _fed(self, trial: Trial | None) -> Trial | None:
         """The same with a solver that has enough, where that opens much less; from then on the search is made with it."""
         given = Solving.of(self._model)
-        if trial is None or self._solving is not None or trial.drift <= self._target or not given.short:
+        if trial is None or self._asked or trial.drift <= self._target or not given.short:
             return trial
+        self._asked = True
         setting = replace(trial.setting, solving=given.enough)
         fed = self._try(f"{trial.label}, {given.enough.solver}", setting)
         if fed is None or not fed.drift < FLOOR * trial.drift:

@@ -12,6 +12,7 @@ from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
 from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
+from oarlock.mechanics.flexes import without_flexes
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import equalities
@@ -185,13 +186,13 @@ def run_trial(
         for step in walk(own, data, drive(own, laws), steps):
             if tick is not None:
                 tick()
-            energy[step], power[step] = data.energy, other_power(data)
+            energy[step], power[step] = data.energy, other_power(data, layout.skipped)
             slot = step % _BLOCK
-            if data.ne == layout.rows:
+            if data.ne == layout.rows and not layout.skipped:
                 block[slot] = data.efc_pos[: layout.rows]
             else:
                 block[slot] = 0.0
-                block[slot, columns.of(data)] = data.efc_pos[: data.ne]
+                block[slot, columns.of(data)] = data.efc_pos[columns.rows(data)]
             if step == 0:
                 opening = float(np.abs(block[0]).max(initial=0.0))
             taken = step + 1
@@ -239,7 +240,7 @@ def disturbed(model: mujoco.MjModel, start: Start, seed: int) -> Start | None:
 
     Contacts and limits are not looked at: a disturbed start may touch what the given one does not.
     """
-    own = own_copy(model)
+    own = own_copy(without_flexes(model))
     own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     own.opt.disableflags |= IGNORED
     for size in DISTURBANCES:

@@ -108,7 +108,7 @@ def _without(
     with np.errstate(all="ignore"), collected_warnings():
         for step in walk(model, data, drive(model, laws), parts * recording.steps):
             if step % parts == 0:
-                position[step // parts, columns.of(data)] = data.efc_pos[: data.ne]
+                position[step // parts, columns.of(data)] = data.efc_pos[columns.rows(data)]
             taken = step + 1
     if taken < parts * recording.steps:
         return Without(cause, {})

@@ -219,6 +219,7 @@ def _implicit(exam: Examination, place: int) -> float:
     if not np.isfinite(update).all():
         return 0.0
     data = mujoco.MjData(recording.model)
+    recording.layout.activate(data)
     spring = recording.stiffness * recording.impedance
     pushed, parts = [], []
     for step in np.unique(np.linspace(0, recording.steps - 2, _INSTANTS).astype(int)):
