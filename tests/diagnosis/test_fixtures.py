@@ -53,6 +53,10 @@ MODELS = {
     "locked_cranks.xml": Facts(4, 2, 6, 3, gap=0.011),
     "short_arm.xml": Facts(2, 1, 3, 1, gap=0.81),
     "tilted_hinge.xml": Facts(3, 1, 3, 3),
+    "torn_linkage.xml": Facts(3, 1, 3, 2),
+    "fast_crank.xml": Facts(3, 1, 3, 2),
+    "carried_tray.xml": Facts(6, 1, 6, 6, gap=0.0301),
+    "starved_rods.xml": Facts(15, 3, 9, 9),
     "two_walls.xml": Facts(8, 3, 7, 6, gap=0.051),
 }
 LASTING = [name for name in MODELS if name != "diverges.xml"]

@@ -10,8 +10,8 @@ import numpy as np
 from oarlock.base.errors import InputError, choose, few
 from oarlock.cases.case import load_case
 from oarlock.cases.integrators import RUNNING
-from oarlock.diagnosis.loops.extent import extent
 from oarlock.diagnosis.loops.events import RankHistory, rank_events
+from oarlock.diagnosis.loops.extent import extent
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.loops.stops import Stops, find_stops
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness

@@ -13,8 +13,8 @@ Controls = Literal["keyframe", "constant", "random"]
 """Where the controls of a run come from."""
 
 TARGET = 1e-4
-"""Wanted drift unless it is asked for, of the size of the loops: a tenth of a millimetre of a robot of a metre, which is
-what can be seen of it, and within reach of most models at their own timestep."""
+"""Wanted drift unless it is asked for, of the size of the loops: a tenth of a millimetre of a robot of a metre, which
+is what can be seen of it, and within reach of most models at their own timestep."""
 
 TARGETS = (1e-6, 1e-3)
 """m or rad. No smaller and no larger target is taken by itself: rows of angles have it too, and do not grow with the
@@ -72,7 +72,7 @@ class CheckOptions:
 
 
 def usual_target(size: float) -> float:
-    """The wanted drift (m or rad) of loops of a size (m), down to two digits: ``TARGET`` times that, within ``TARGETS``."""
+    """The wanted drift (m or rad) of loops of a size (m), to two digits: ``TARGET`` times that, within ``TARGETS``."""
     low, high = TARGETS
     wanted = min(max(TARGET * size, low), high)
     unit = 10.0 ** (math.floor(math.log10(wanted)) - 1)

@@ -1,4 +1,4 @@
-"""The poses of one group of loops: how far one joint can go, and the curve of poses that a group with one freedom has."""
+"""The poses of one group of loops: how far one joint can go, and the curve of poses of a group with one freedom."""
 
 from dataclasses import dataclass
 
@@ -195,8 +195,8 @@ class Linkage:
     def orientation(self, qpos: np.ndarray) -> np.ndarray:
         """The motion (k) that the rows admit at a pose (nq), of length 1, with the sign that makes (J, t) right-handed.
 
-        Along a curve of closed poses it changes steadily. Who goes straight through a pose at which two curves cross, or
-        jumps from one to another beside it, finds it reversed.
+        Along a curve of closed poses it changes steadily. Who goes straight through a pose at which two curves
+        cross, or jumps from one to another beside it, finds it reversed.
         """
         self.place(qpos)
         rows = self._assembly.jacobian()[np.ix_(self._holding, self.dofs)] * self._units

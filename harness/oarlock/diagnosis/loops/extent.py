@@ -6,6 +6,9 @@ import numpy as np
 from oarlock.diagnosis.loops.assembly import anchors
 from oarlock.diagnosis.loops.loops import Loops
 
+POINTS = 1e-6
+"""Of the whole model: loops of a smaller extent are single points, such as a weld's."""
+
 
 def extent(model: mujoco.MjModel, loops: Loops, data: mujoco.MjData | None = None) -> float:
     """Largest extent along an axis of the joints and anchors of one group of loops, m.
@@ -34,4 +37,5 @@ def extent(model: mujoco.MjModel, loops: Loops, data: mujoco.MjData | None = Non
                 points += anchors(model, own, loop.equality)
         if points:
             largest = max(largest, float(np.ptp(np.array(points), axis=0).max()))
-    return largest or float(model.stat.extent)
+    whole = float(model.stat.extent)
+    return largest if largest > POINTS * whole else whole

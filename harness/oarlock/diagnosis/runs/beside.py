@@ -41,7 +41,10 @@ def find_beside(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Beside, ...
     rows = jacobian(model, data)
     sizes = np.linalg.norm(rows, axis=1)
     loops_only = ~np.isin(data.efc_id[:ne], flex_equalities(model))
-    chosen = [*np.flatnonzero((sizes[:ne] > 0.0) & loops_only).tolist(), *[row for row in pushing.tolist() if sizes[row] > 0.0]]
+    chosen = [
+        *np.flatnonzero((sizes[:ne] > 0.0) & loops_only).tolist(),
+        *[row for row in pushing.tolist() if sizes[row] > 0.0],
+    ]
     unit = rows[chosen] / sizes[chosen, None]
     owners = np.array([int(data.efc_id[row]) if row < ne else -1 for row in chosen])
     loops = owners >= 0

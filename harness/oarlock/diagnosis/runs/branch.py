@@ -1,10 +1,10 @@
 """Whether MuJoCo's run and the exact one end on the same assembly branch.
 
-A mechanism with one freedom moves on a curve of closed poses. Where curves cross at a singular pose, or come close to one
-another beside it, a soft loop may go on along another one. It is told in two ways:
+A mechanism with one freedom moves on a curve of closed poses. Where curves cross at a singular pose, or come close to
+one another beside it, a soft loop may go on along another one. It is told in two ways:
 
-- The direction of the curve, with the sign that the rows give it, changes steadily along the curve, and is reversed for who
-  jumps to the other one. MuJoCo's run and the exact one must be reversed at the same times.
+- The direction of the curve, with the sign that the rows give it, changes steadily along the curve, and is reversed for
+  who jumps to the other one. MuJoCo's run and the exact one must be reversed at the same times.
 - MuJoCo's last pose is closed, and the curve through the exact motion's last pose is followed to both sides, straight
   through singular poses: where it nowhere comes to MuJoCo's pose, that is on another one.
 """
@@ -31,7 +31,7 @@ SAMPLES = 4000
 """Poses of a run at most whose direction is looked at."""
 
 ALONG = 0.9
-"""Cosine between the direction of the curve and that of the motion: where it is less, rows of an open loop do not tell."""
+"""Cosine between the direction of the curve and the motion's: where it is less, rows of an open loop do not tell."""
 
 ALIKE = 0.05
 """Of the run: MuJoCo's and the exact motion pass the same singular pose within so much time."""
@@ -55,9 +55,7 @@ class Branch:
     since_s: float
 
 
-def find_branch(
-    recording: Recording, exact: ExactRun, loops: Loops, size: float, data: mujoco.MjData
-) -> Branch | None:
+def find_branch(recording: Recording, exact: ExactRun, loops: Loops, size: float, data: mujoco.MjData) -> Branch | None:
     """Looks at every group with one freedom; None where all end on the exact motion's branch, or none can be told.
 
     Args:

@@ -1,7 +1,7 @@
 """Whether MuJoCo's run goes through a dead point: a joint is driven on to where the closed loops do not let it go.
 
-At a dead point, or a turning point, of a joint the others still move while it does not, and it turns back. Exact loops do
-so. Soft ones are torn open by a strong motor or a heavy link, and what follows is the motion of another mechanism.
+At a dead point, or a turning point, of a joint the others still move while it does not, and it turns back. Exact loops
+do so. Soft ones are torn open by a strong motor or a heavy link, and what follows is the motion of another mechanism.
 """
 
 from dataclasses import dataclass

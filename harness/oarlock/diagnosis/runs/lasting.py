@@ -1,13 +1,14 @@
 """What stays open for good behind an open start: the deviation that is left when the start's own has faded."""
 
 import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.gaps import Opening, opening
 from oarlock.diagnosis.runs.controls import drive
+from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.row_law import CAUSES, Attribution
 from oarlock.diagnosis.runs.walking import walk
 from oarlock.mechanics.load import collected_warnings
@@ -21,6 +22,9 @@ FADED = 0.1
 
 TORQUESCALE = 5.0
 """Times the torquescale of a weld: tried where its angle is what stays open."""
+
+OFFSETS = 2
+"""So often the offset of a coupling is set anew: what it holds moves with it, and with that the load."""
 
 HELPS = 0.5
 """Of a lasting deviation: a change that leaves less is a remedy."""
@@ -51,7 +55,12 @@ class Lasting:
 
 
 def find_lasting(
-    attribution: Attribution, open_at_start: set[str], least: float, qpos: np.ndarray, qvel: np.ndarray, laws: dict
+    attribution: Attribution,
+    open_at_start: set[str],
+    least: float,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    laws: dict[str, str],
 ) -> list[Lasting]:
     """Looks at the equalities that were open at the start.
 
@@ -82,7 +91,7 @@ def find_lasting(
         shares[start] = -np.inf
         leading = int(shares.argmax())
         one = Lasting(equality.name, left, CAUSES[leading], min(1.0, float(shares[leading])))
-        found.append(_tried(one, attribution, equality, median, rows, qpos, qvel, laws))
+        found.append(_tried(one, attribution, equality, median, qpos, qvel, laws))
     return found
 
 
@@ -91,7 +100,6 @@ def _tried(
     attribution: Attribution,
     equality: Equality,
     median: np.ndarray,
-    rows: slice,
     qpos: np.ndarray,
     qvel: np.ndarray,
     laws: dict[str, str],
@@ -100,29 +108,44 @@ def _tried(
     recording = attribution.recording
     model = copy.deepcopy(recording.model)
     data = model.eq_data[equality.index]
-    shift = np.zeros(len(median))
+    last: np.ndarray | None = None
     if equality.kind.turns and (one.left.radians or 0.0) >= (one.left.metres or 0.0):
         data[_TORQUESCALE] *= TORQUESCALE
         attribute, value = "torquescale", f"{data[_TORQUESCALE]:g}"
+        last = _rerun(model, recording, equality, qpos, qvel, laws)
     elif not equality.kind.joins_points:
-        shift = median.copy()
-        data[_OFFSET] -= median[0]
+        given, last = float(data[_OFFSET]), median
+        for _ in range(OFFSETS):
+            data[_OFFSET] -= last[0]
+            again = _rerun(model, recording, equality, qpos, qvel, laws)
+            if again is None:
+                return one
+            last = again + data[_OFFSET] - given
         attribute, value = "polycoef", " ".join(f"{number:.6g}" for number in data[:5])
-    else:
+    if last is None:
         return one
-    state = mujoco.MjData(model)
-    state.qpos[:], state.qvel[:] = qpos, qvel
-    kept = np.zeros((recording.steps, len(median)))
-    taken = 0
-    with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(model, state, drive(model, laws), recording.steps):
-            own = state.efc_pos[: state.ne][state.efc_id[: state.ne] == equality.index]
-            kept[step, : len(own)] = own
-            taken = step + 1
-    if taken < recording.steps:
-        return one
-    last = np.median(kept[-max(1, recording.steps // PARTS) :], axis=0) - shift
     after = opening(model, equality, last)
     if not after.largest < HELPS * one.left.largest:
         return one
-    return Lasting(one.equality, one.left, one.cause, one.share, attribute, value, after)
+    return replace(one, attribute=attribute, value=value, after=after)
+
+
+def _rerun(
+    model: mujoco.MjModel,
+    recording: Recording,
+    equality: Equality,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    laws: dict[str, str],
+) -> np.ndarray | None:
+    """Median rows of an equality over the last part of the same run of a changed model; None if it does not last."""
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    kept = np.zeros((recording.steps, equality.rows))
+    taken = 0
+    with np.errstate(all="ignore"), collected_warnings():
+        for step in walk(model, data, drive(model, laws), recording.steps):
+            own = data.efc_pos[: data.ne][data.efc_id[: data.ne] == equality.index]
+            kept[step, : len(own)] = own
+            taken = step + 1
+    return np.median(kept[-max(1, recording.steps // PARTS) :], axis=0) if taken == recording.steps else None

@@ -209,7 +209,9 @@ class _Search:
             except CutShortError as error:
                 reason += f"; {error}, before a run that loses less was looked for"
         verified = self._tried(chosen.setting, starts)
-        return Recipe(self._target, outcome, reason, authored, chosen, verified, conserving, self._trials, self._starved)
+        return Recipe(
+            self._target, outcome, reason, authored, chosen, verified, conserving, self._trials, self._starved
+        )
 
     def _decide(self, authored: Trial, starts: list[Start]) -> tuple[Outcome, str, Trial]:
         """The outcome, the reason, and the trial that is chosen."""
@@ -316,7 +318,7 @@ class _Search:
         return replace(_WAYS[way](timestep, integrator), solving=self._solving)
 
     def _fed(self, trial: Trial | None) -> Trial | None:
-        """The same with a solver that has enough, where that opens much less; from then on the search is made with it."""
+        """The same with a solver that has enough, where that opens much less; the search is then made with it."""
         given = Solving.of(self._model)
         if trial is None or self._asked or trial.drift <= self._target or not given.short:
             return trial
@@ -353,7 +355,9 @@ class _Search:
         way, integrator = family
         timestep = self._shorter(trial.setting.timestep_s, trial.drift)
         if timestep < float(self._model.opt.timestep):
-            self._try(f"{way}, {integrator}, coarser again", self._set(way, timestep, integrator), MARGIN * self._target)
+            self._try(
+                f"{way}, {integrator}, coarser again", self._set(way, timestep, integrator), MARGIN * self._target
+            )
 
     def _shorter(self, timestep: float, drift: float) -> float:
         """Timestep h' = h √(0.7 target/r), down to two digits."""

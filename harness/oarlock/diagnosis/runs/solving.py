@@ -66,8 +66,8 @@ class Solving:
 
 
 ENOUGH = Solving("Newton", 100, 50, 1e-10)
-"""Newton solves loops alone in one iteration, exactly; 100 and 50 are MuJoCo's own numbers, and its tolerance of 1e-8 is
-made smaller, for it is relative to the weight of the whole model."""
+"""Newton solves loops alone in one iteration, exactly; 100 and 50 are MuJoCo's own numbers, and its tolerance of 1e-8
+is made smaller, for it is relative to the weight of the whole model."""
 
 USUAL = 1e-8
 """MuJoCo's own tolerance: a larger one was asked for."""

@@ -124,7 +124,8 @@ def _part(exam: Examination, share: Share, worst: Drift) -> Part:
         return Part(CAUSE[share.leading], whole)
     measured = {one.cause: one for one in exam.without}
     stepping, implicit = (
-        measured[name].part(share.name, worst.largest) if name in measured else None for name in ("stepping", "implicit")
+        measured[name].part(share.name, worst.largest) if name in measured else None
+        for name in ("stepping", "implicit")
     )
     if implicit is not None and implicit >= _IMPLICIT * (whole if stepping is None else stepping):
         return Part(IMPLICIT, implicit, f"without it {_left(measured['implicit'], share)} is left")
@@ -136,7 +137,9 @@ def _part(exam: Examination, share: Share, worst: Drift) -> Part:
     second = max((size, cause) for cause, size in share.shares.items() if cause != "stepping")
     if second[0] >= UNSURE and stepping < 1.0 - stepping:  # a shorter step leaves most of it: it is the other's
         return Part(CAUSE[second[1]], 1.0 - stepping)
-    return Part(CAUSE["stepping"], stepping, f"at a quarter of the timestep {_left(measured['stepping'], share)} is left")
+    return Part(
+        CAUSE["stepping"], stepping, f"at a quarter of the timestep {_left(measured['stepping'], share)} is left"
+    )
 
 
 def _left(one: Without, share: Share) -> str:
@@ -150,7 +153,9 @@ def _in_parts(share: Share, part: Part) -> str:
     known = known if part.cause in (IMPLICIT, CAUSE["stepping"]) else (part.cause,)
     others = {cause: size for cause, size in share.shares.items() if CAUSE[cause] not in known and abs(size) >= UNSURE}
     rest = 1.0 - part.size
-    said += [f"{percent(min(size, rest))} {CAUSE[cause].phrase}" for cause, size in others.items() if 0.0 < size and rest]
+    said += [
+        f"{percent(min(size, rest))} {CAUSE[cause].phrase}" for cause, size in others.items() if size > 0.0 and rest
+    ]
     against = [CAUSE[cause].phrase for cause, size in others.items() if size < 0.0]
     if against:
         said.append(f"which {' and '.join(against)} {'opposes' if len(against) == 1 else 'oppose'}")

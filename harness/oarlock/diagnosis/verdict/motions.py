@@ -1,4 +1,4 @@
-"""From what a run does to findings: dead points, branches, steps that are too long, what lasts, solvers that are starved."""
+"""From what a run does to findings: dead points, branches, steps that are too long, what lasts, starved solvers."""
 
 import math
 from collections.abc import Iterator
@@ -67,9 +67,9 @@ def pace(exam: Examination) -> Iterator[Finding]:
     if not blamed:
         return
     said = (
-        f"joint '{one.joint}' turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at t = {one.time_s:.4g} s), and "
-        f"a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: too far to keep {in_words(blamed)} "
-        "closed"
+        f"joint '{one.joint}' turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at t = {one.time_s:.4g} s), "
+        f"and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: too far to keep "
+        f"{in_words(blamed)} closed"
     )
     figures = {"per_step": one.per_step, "bound": one.bound, "rate": one.rate, "time_s": one.time_s}
     yield found("D8", exam.file, said, element=blamed[0], joint=one.joint, also=blamed[1:], **figures)
@@ -78,7 +78,8 @@ def pace(exam: Examination) -> Iterator[Finding]:
 def lasting(exam: Examination) -> Iterator[Finding]:
     """S4: what stays open for good when the open start has faded."""
     for one in exam.lasting:
-        said = f"stays open by {one.left} when the start has faded; {percent(one.share)} of it is {CAUSE[one.cause].phrase}"
+        said = f"stays open by {one.left} when the start has faded; {percent(one.share)} of it is "
+        said += CAUSE[one.cause].phrase
         if one.attribute:
             said += f'; with {one.attribute}="{one.value}" it is {one.after}'
             said += " from what it is meant to hold" if one.attribute == "polycoef" else ""

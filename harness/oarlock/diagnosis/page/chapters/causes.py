@@ -89,7 +89,8 @@ def _older(exam: Examination, chapter: Chapter) -> None:
     if peak > max(exam.target, OLDER * now):
         chapter.explain(
             f"Versions of MuJoCo before 3.7, which leave J̇v out of connects and welds (MJX may still), would let "
-            f"'{recording.layout.labels[row]}' drift by about {figure(peak)} {recording.layout.named[row].measure} more."
+            f"'{recording.layout.labels[row]}' drift by about {figure(peak)} {recording.layout.named[row].measure} "
+            "more."
         )
 
 
