@@ -30,7 +30,10 @@ def check(
     duration: Annotated[float | None, typer.Option(metavar="S", help="Of the run [default: 2 s].")] = None,
     timestep: Annotated[float | None, typer.Option(metavar="S", help="In place of the model's.")] = None,
     integrator: Annotated[str | None, typer.Option(metavar="NAME", help="In place of the model's.")] = None,
-    target: Annotated[float, typer.Option(metavar="METRES", help="Wanted drift, m or rad.")] = TARGET,
+    target: Annotated[
+        float | None,
+        typer.Option(metavar="METRES", help=f"Wanted drift, m or rad [default: {TARGET:g} of the loops' size]."),
+    ] = None,
     budget: Annotated[
         float, typer.Option(metavar="S", min=0.0, help="Work to look for settings, in s of a usual machine; 0: none.")
     ] = BUDGET_S,

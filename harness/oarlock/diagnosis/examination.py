@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError, choose
+from oarlock.base.errors import InputError, choose, few
 from oarlock.cases.case import load_case
 from oarlock.cases.integrators import RUNNING
 from oarlock.diagnosis.lint import collision
@@ -15,26 +15,34 @@ from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.lint.lints import look
 from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.diagnosis.loops.events import RankHistory, rank_events
+from oarlock.diagnosis.loops.extent import extent
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.loops.stops import Stops, find_stops
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
-from oarlock.diagnosis.options import CheckOptions
+from oarlock.diagnosis.options import CheckOptions, usual_target
 from oarlock.diagnosis.runs import controls
+from oarlock.diagnosis.runs.branch import Branch, find_branch
+from oarlock.diagnosis.runs.deadpoint import TORN, DeadPoint, find_dead_point
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
 from oarlock.diagnosis.runs.exact import ExactRun, record_exact
 from oarlock.diagnosis.runs.fights import Fight, find_fight
 from oarlock.diagnosis.runs.lag import Lag, find_lags
+from oarlock.diagnosis.runs.lasting import Lasting, find_lasting
+from oarlock.diagnosis.runs.pace import Pace, find_pace
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
+from oarlock.diagnosis.runs.without import Without, find_without
+from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import load_mechanism, set_integrator
+from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.start import consistent_start
 
 DURATION_S = 2.0
@@ -76,6 +84,12 @@ class Examination:
         history: the rank along the exact motion, or along MuJoCo's where there is none.
         recipe: what would hold it.
         reactions: which are unique.
+        size: of the loops at the closed start, m.
+        without: what is left of the drift where time stepping is taken away.
+        pace: the joint that turns furthest within a step.
+        dead_point: a joint that MuJoCo takes beyond what the loops admit.
+        branch: another branch that MuJoCo's run ends on.
+        lasting: what stays open for good behind an open start.
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
         fight: limits and contacts that push against loops alone in the exact run.
@@ -107,6 +121,12 @@ class Examination:
     history: RankHistory | None = None
     recipe: Recipe | None = None
     reactions: Uniqueness | None = None
+    size: float = 1.0
+    without: list[Without] = field(default_factory=list)
+    pace: Pace | None = None
+    dead_point: DeadPoint | None = None
+    branch: Branch | None = None
+    lasting: list[Lasting] = field(default_factory=list)
     lags: tuple[Lag, ...] = ()
     stops: Stops | None = None
     fight: Fight | None = None
@@ -123,6 +143,11 @@ class Examination:
     def duration_s(self) -> float:
         """Of the run."""
         return self.steps * self.timestep_s
+
+    @property
+    def target(self) -> float:
+        """Wanted drift, m or rad: as asked for, or by the size of the loops."""
+        return self.options.target or usual_target(self.size)
 
     @property
     def closed(self) -> bool:
@@ -237,6 +262,7 @@ def examine(found: Examination) -> Iterator[str]:
         found.settings = stability(found.model)
         return
     found.pose = nearest_closed(found.model, found.qpos, found.qvel, data)
+    found.size = extent(found.model, found.pose.loops, data)
     _lint(found)
     yield "loops"
     found.settings = stability(found.model)
@@ -273,7 +299,9 @@ def _collisions(found: Examination) -> None:
 
 
 def _data(found: Examination) -> mujoco.MjData:
+    """The start, with flexes let go: their rows are not looked at."""
     data = mujoco.MjData(found.model)
+    data.eq_active[flex_equalities(found.model)] = 0
     data.qpos[:], data.qvel[:] = found.qpos, found.qvel
     return data
 
@@ -284,7 +312,8 @@ def _run(found: Examination) -> None:
         found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps)
     if found.closed:
         with _Reason(found, "exact"):
-            found.exact = record_exact(found.model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
+            model = _exact_model(found)
+            found.exact = record_exact(model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
             end = found.exact.end
             if end.how == "diverged":  # what it showed before proves nothing
                 found.exact = None
@@ -301,6 +330,26 @@ def _run(found: Examination) -> None:
         with _Reason(found, "collisions"):
             _collisions(found)
         found.lags = find_lags(found.recording, found.qpos, found.qvel, found.laws, VISIBLE)
+        found.pace = find_pace(found.recording, found.exact)
+        if found.closed and found.recording.steps:
+            loops = found.pose.loops
+            found.dead_point = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
+
+
+def _exact_model(found: Examination) -> mujoco.MjModel:
+    """The model of the exact run: without its flexes, where nothing joins them to the loops.
+
+    Raises:
+        InputError: something does.
+    """
+    assert found.pose is not None
+    loops = found.pose.loops
+    touched = found.recording is not None and any("flex" in push.name for push in found.recording.pushes)
+    dofs = sorted({dof for number in range(len(loops.groups)) for dof in loops.dofs(number)})
+    if flex_equalities(found.model) and (touched or joined(found.model, dofs)):
+        names = few([f"'{name}'" for name in flex_names(found.model)])
+        raise InputError(f"the flex {names} is left as MuJoCo has it, and acts on the loops")
+    return without_flexes(found.model)
 
 
 def _causes(found: Examination) -> None:
@@ -311,11 +360,26 @@ def _causes(found: Examination) -> None:
         if attribution.holds:
             found.attribution = attribution
             found.accelerations = attribution.accelerations()
+            _taken_away(found, attribution)
         else:
             found.missing["causes"] = (
                 f"MuJoCo's rows do not follow the law of an oscillator (defect {attribution.defect:.1g}), "
                 f"as under the integrator '{found.recording.integrator}'"
             )
+
+
+def _taken_away(found: Examination, attribution: Attribution) -> None:
+    """What is measured by runs without a cause."""
+    recording = attribution.recording
+    if recording.end.how != "finished" or found.pose is None:
+        return
+    drifting = {one.equality for one in found.drifts if one.level == "position" and one.largest > found.target}
+    if any(one.leading == "stepping" and one.name in drifting for one in attribution.shares):
+        found.without = find_without(recording, found.qpos, found.qvel, found.laws)
+    opened = {one.equality for one in found.pose.openings if one.largest > CONSISTENT}
+    if opened and found.closed:
+        least = max(found.target, VISIBLE)
+        found.lasting = find_lasting(attribution, opened, least, found.qpos, found.qvel, found.laws)
 
 
 def _remedy(found: Examination) -> None:
@@ -327,7 +391,7 @@ def _remedy(found: Examination) -> None:
         start = Start(found.pose.qpos, found.pose.qvel)
         with _Reason(found, "remedy"):
             found.recipe = recipe(
-                found.model, start, found.laws, found.options.target, found.duration_s, budget_s=found.options.budget
+                found.model, start, found.laws, found.target, found.duration_s, budget_s=found.options.budget
             )
 
 
@@ -338,6 +402,7 @@ def _forces(found: Examination) -> None:
     with _Reason(found, "rank"):
         if len(path) > 1 and found.closed:
             found.history = rank_events(found.model, path, times, data)
+    _branch(found)
     every = max(1, len(path) // POSES)
     with _Reason(found, "reactions"):
         found.reactions = find_uniqueness(found.model, path[::every] if len(path) > 1 else None, data)
@@ -346,6 +411,15 @@ def _forces(found: Examination) -> None:
             found.given = wrenches(found.model, found.recording.qpos, found.recording.force, data)
         if found.exact is not None and len(found.exact.qpos):
             found.determined = wrenches(found.model, found.exact.qpos, found.exact.force, data)
+
+
+def _branch(found: Examination) -> None:
+    """Looked for where the motion comes near a singular pose, or the loops are torn."""
+    if found.recording is None or found.exact is None or found.pose is None or found.dead_point is not None:
+        return
+    near = found.history is not None and bool(found.history.events)
+    if near or float(found.recording.drift.max(initial=0.0)) > TORN * found.size:
+        found.branch = find_branch(found.recording, found.exact, found.pose.loops, found.size, _data(found))
 
 
 def _motion(found: Examination) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,6 @@
 """What a user may ask of a check."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
@@ -11,8 +12,13 @@ from oarlock.cases.integrators import RUNNING
 Controls = Literal["keyframe", "constant", "random"]
 """Where the controls of a run come from."""
 
-TARGET = 1e-6
-"""Wanted drift, m or rad, unless it is asked for: a thousandth of a millimetre."""
+TARGET = 1e-4
+"""Wanted drift unless it is asked for, of the size of the loops: a tenth of a millimetre of a robot of a metre, which
+is what can be seen of it, and within reach of most models at their own timestep."""
+
+TARGETS = (1e-6, 1e-3)
+"""m or rad. No smaller and no larger target is taken by itself: rows of angles have it too, and do not grow with the
+size."""
 
 BUDGET_S = 8.0
 """Work for the runs that look for a recipe, as of ``runs.budget``."""
@@ -30,7 +36,7 @@ class CheckOptions:
         duration: of the run, s.
         timestep: in place of the model's, s.
         integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``, in place of the model's.
-        target: wanted drift, m or rad.
+        target: wanted drift, m or rad; None: by the size of the loops, as of ``usual_target``.
         budget: work for the runs that look for settings, in seconds of an ordinary machine; 0: none are looked for. The
             clock of this machine only cuts short what takes ten times as long.
         ignore_inequalities: without contacts, limits and friction, on both sides.
@@ -48,7 +54,7 @@ class CheckOptions:
     duration: float | None = None
     timestep: float | None = None
     integrator: str | None = None
-    target: float = TARGET
+    target: float | None = None
     budget: float = BUDGET_S
     ignore_inequalities: bool = False
     fail_above: float | None = None
@@ -65,3 +71,11 @@ class CheckOptions:
             choose("integrator", self.integrator, RUNNING)
         if self.controls is not None:
             choose("kind of controls", self.controls, get_args(Controls))
+
+
+def usual_target(size: float) -> float:
+    """The wanted drift (m or rad) of loops of a size (m), to two digits: ``TARGET`` times that, within ``TARGETS``."""
+    low, high = TARGETS
+    wanted = min(max(TARGET * size, low), high)
+    unit = 10.0 ** (math.floor(math.log10(wanted)) - 1)
+    return float(f"{math.floor(wanted / unit + 1e-9) * unit:.1e}")

@@ -205,7 +205,7 @@ class _Recorder:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, steps: int):
         self._model, self._data, self._steps = model, data, steps
         self._layout = Layout.of(model, data.eq_active)
-        self._curvature = Curvature(model, data)
+        self._curvature = Curvature(model, data, lenient=True)
         if self._layout.rows == 0:
             raise InputError("no active equality, expected at least one that closes a loop")
         rows, nv = self._layout.rows, model.nv
@@ -221,8 +221,10 @@ class _Recorder:
         self._whitened = np.zeros((self._block, rows, nv))
         self._missed = np.zeros((self._block, rows))
         self._whole = np.full((self._block, rows), np.nan)
-        self._state = State(model, data, Baumgarte())
-        self._question, self._solver = Question(self._state, "matched"), SolverSpec("auto").make()
+        # Beside a flex the whole problem is not ours: what its rows and MuJoCo's solver make of it is taken as given.
+        self._state = None if self._layout.skipped else State(model, data, Baumgarte())
+        self._question = Question(self._state, "matched") if self._state is not None else None
+        self._solver = SolverSpec("auto").make()
         self._solved = 0
         self._pushes = Pushes(model)
 
@@ -278,11 +280,11 @@ class _Recorder:
         slot = step - self._solved
         self._whitened[slot] = 0.0
         self._missed[slot] = 0.0
-        self._power[step] = other_power(data)
+        self._power[step] = other_power(data, self._layout.skipped)
         if ne == 0:
             self._free[step] = data.qacc
             return
-        columns = self._columns.of(data)
+        columns, own = self._columns.of(data), self._columns.rows(data)
         rows = self._rows
         for name, values in (
             ("position", data.efc_pos),
@@ -292,18 +294,18 @@ class _Recorder:
             ("aref", data.efc_aref),
             ("diagonal_approx", data.efc_diagA),
         ):
-            rows[name][step, columns] = values[:ne]
-        stiffness, damping, impedance, _ = data.efc_KBIP[:ne].T
+            rows[name][step, columns] = values[own]
+        stiffness, damping, impedance, _ = data.efc_KBIP[own].T
         rows["stiffness"][step, columns] = stiffness
         rows["damping"][step, columns] = damping
         rows["impedance"][step, columns] = impedance
         self._present[step, columns] = True
         bend = np.empty(ne)
         self._curvature.write(data, bend)
-        rows["curvature"][step, columns] = bend
+        rows["curvature"][step, columns] = bend[own]
 
-        jacobian = closing_jacobian(model, data)
-        force = data.efc_force[:ne]
+        jacobian = closing_jacobian(model, data)[own]
+        force = data.efc_force[own]
         loops = jacobian.T @ force
         change = np.zeros((2, model.nv))
         mujoco.mj_solveM(model, data, change, np.stack([data.qfrc_constraint, data.qfrc_constraint - loops]))
@@ -311,17 +313,19 @@ class _Recorder:
         self._free[step] = data.qacc_smooth + change[1]
         self._whitened[slot, columns] = whiten(model, data, jacobian)
         achieved = jacobian @ (data.qacc_smooth + change[0])
-        missed = data.efc_aref[:ne] - achieved - data.efc_R[:ne] * force
+        missed = data.efc_aref[own] - achieved - data.efc_R[own] * force
         self._missed[slot, columns] = missed
         self._whole[slot] = np.nan
-        if nefc > ne and not np.abs(missed).max() <= NEGLIGIBLE * np.abs(data.efc_R[:ne] * force).max():
-            self._whole[slot, columns] = self._matched()
+        if self._state is None or self._question is None or nefc == ne:
+            return
+        if not np.abs(missed).max() <= NEGLIGIBLE * np.abs(data.efc_R[own] * force).max():
+            self._whole[slot, columns] = self._matched(self._state, self._question)
 
-    def _matched(self) -> np.ndarray:
+    def _matched(self, state: State, question: Question) -> np.ndarray:
         """Multipliers (ne) of the whole problem at the present state, by a solver of ours."""
-        self._state.read()
-        self._question.ask()
-        return self._question.solve(self._solver)[0]
+        state.read()
+        question.ask()
+        return question.solve(self._solver)[0]
 
     def _solve(self, taken: int) -> None:
         """f* = f + (A + R)⁻¹ (aref − J a − R f) of the steps of a block: exact also where A + R is ill-conditioned."""

@@ -18,7 +18,7 @@ from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.stability import EqualityStability
-from oarlock.diagnosis.verdict import blame
+from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.names import element_name
@@ -45,16 +45,20 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
     """
     parts = (
         _lint,
+        motions.dead_point,
+        motions.branch,
         _start,
+        motions.lasting,
         _settings,
         _run,
+        motions.pace,
         blame.drift,
+        motions.starved,
         blame.energy,
         blame.remedy,
         _motion,
         _reactions,
         _loops,
-        blame.version,
     )
     findings = [finding for part in parts for finding in merged(_unsaid(examination, part(examination)))]
     if fail_above is not None:
