@@ -223,7 +223,7 @@ def examine(found: Examination) -> Iterator[str]:
     A part that cannot be found out leaves its reason in ``missing``; the others go on.
     """
     data = _data(found)
-    found.pose = nearest_closed(found.model, found.qpos, found.qvel, data)
+    found.pose = nearest_closed(found.model, found.qpos, found.qvel, data, hold=found.options.hold)
     yield "loops"
     found.settings = stability(found.model)
     yield "start"

@@ -1,6 +1,6 @@
 """What a user may ask of a check."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -34,6 +34,8 @@ class CheckOptions:
         budget: work for the runs that look for settings, in seconds of an ordinary machine; 0: none are looked for. The
             clock of this machine only cuts short what takes ten times as long.
         ignore_inequalities: without contacts, limits and friction, on both sides.
+        hold: joints that stay as they are where an open start is closed; None: those that actuators act on, where the
+            rest can close; empty: none.
         fail_above: bound on the drift, m or rad; beyond it there is an error among the findings.
 
     Raises:
@@ -51,6 +53,7 @@ class CheckOptions:
     budget: float = BUDGET_S
     ignore_inequalities: bool = False
     fail_above: float | None = None
+    hold: Sequence[str] | None = None
 
     def __post_init__(self):
         for name, unit in (("duration", "s"), ("timestep", "s"), ("target", "")):
@@ -61,5 +64,7 @@ class CheckOptions:
             raise InputError(f"seed = {self.seed!r}, expected a whole number ≥ 0")
         if self.integrator is not None:
             choose("integrator", self.integrator, RUNNING)
+        if isinstance(self.hold, str):
+            raise InputError(f"hold = {self.hold!r}, expected a list of joints")
         if self.controls is not None:
             choose("kind of controls", self.controls, get_args(Controls))

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 import scipy.optimize
 from gallery import at_start
-from mechanisms import four_bar
 from oarlock import InputError, model_names
-from oarlock.diagnosis.loops.nearest import Nearest, driven_joints, joints_called, nearest, outside_ranges
+from oarlock.diagnosis.loops.nearest import driven_joints, joints_called, nearest, outside_ranges
 from oarlock.mechanics.load import load_model
 from places import FIXTURES
 from tolerances import CLOSED
@@ -93,8 +92,14 @@ class Outside:
                 rest, jacobian = self.rows(x)
                 return 0.5 * (x @ x + weight * rest @ rest), x + weight * jacobian.T @ rest
 
-            x = scipy.optimize.minimize(cost, x, jac=True, method="L-BFGS-B", bounds=self.bounds,
-                                        options={"maxiter": 500, "maxcor": 30, "ftol": 1e-15, "gtol": 1e-9}).x
+            x = scipy.optimize.minimize(
+                cost,
+                x,
+                jac=True,
+                method="L-BFGS-B",
+                bounds=self.bounds,
+                options={"maxiter": 500, "maxcor": 30, "ftol": 1e-15, "gtol": 1e-9},
+            ).x
         rest, _ = self.rows(x)
         return float(np.linalg.norm(x)) if np.abs(rest).max(initial=0.0) <= OPEN else np.inf
 
@@ -143,3 +148,97 @@ def compare(name, poses, starts):
 
 def load_again(name):
     return model_at(name)[0]
+
+
+QUICK = ["four_bar", "cable_finger", "gripping_gripper", "floating_four_bar"]
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_no_start_of_others_is_nearer(name):
+    assert max(compare(name, 3, 6)) <= NEAR
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*model_names(), *CLOSING])
+def test_no_start_of_many_others_is_nearer(name):
+    ratios = compare(name, POSES, STARTS)
+    print(f"{name:22s} {max(ratios):.4f}")
+    assert max(ratios) <= NEAR
+
+
+# What is to stay.
+
+LEG = """<mujoco><compiler angle="degree"/><default><geom type="capsule" size="0.01" mass="{mass}"/>
+  <joint axis="0 1 0"/></default>
+  <worldbody><body name="link" pos="0 0 1"><joint name="hip"/><geom fromto="0 0 0 0 0 -0.3"/>
+    <body pos="0 0 -0.3"><joint name="knee" range="-150 -20"/><geom fromto="0 0 0 0.08 0 -0.3"/>
+      <site name="heel" pos="0.08 0 -0.3"/></body>
+    <body name="horn" pos="0.06 0 0"><joint name="horn" range="-40 50"/><geom fromto="0 0 0 0.05 0 0" mass="0.01"/>
+      <body pos="0.05 0 0"><joint name="rod"/><geom fromto="0 0 0 0 0 -0.4" mass="0.01"/>
+        <site name="end" pos="0 0 -0.42"/></body></body></body></worldbody>
+  <equality><connect name="ankle" site1="heel" site2="end"/></equality>
+  <actuator><position joint="horn" kp="40"/></actuator></mujoco>"""
+GIVEN = np.array([0.2, -1.2, 0.3, 0.1])
+
+
+def leg(mass=0.5):
+    return mujoco.MjModel.from_xml_string(LEG.format(mass=mass))
+
+
+def test_light_links_are_not_flung():
+    """The same pose whatever the links weigh."""
+    found = [nearest(leg(mass), GIVEN) for mass in (0.05, 50.0)]
+    np.testing.assert_allclose(found[0].qpos, found[1].qpos, atol=CLOSED)
+    best = Outside(leg(), GIVEN, found[0].arm).best(20)
+    assert found[0].norm == pytest.approx(best, rel=1e-5)
+    assert found[0].qpos[0] == GIVEN[0]  # the hip carries the loop and has no part in it
+
+
+def test_a_joint_that_is_held_stays_bit_for_bit():
+    model = leg()
+    free, held = nearest(model, GIVEN), nearest(model, GIVEN, held=joints_called(model, ("horn",)))
+    assert held.qpos[2] == GIVEN[2] != free.qpos[2]
+    assert held.held == ("horn",)
+    assert free.norm < held.norm == pytest.approx(Outside(leg(), GIVEN, held.arm, held=(2,)).best(10), rel=1e-5)
+    assert driven_joints(model) == (2,)
+
+
+def test_what_cannot_be_held_or_is_none():
+    model = leg()
+    assert nearest(model, GIVEN, held=joints_called(model, ("knee", "horn", "rod"))) is None
+    with pytest.raises(InputError, match="unknown joint to hold 'toe', expected one of: hip, knee, horn, rod"):
+        joints_called(model, ("toe",))
+
+
+def test_ranges_are_kept_and_named():
+    model = leg()
+    given = np.array([0.0, -2.9, 0.6, 0.0])
+    assert [(one.limit, one.by) for one in outside_ranges(model, given)] == [
+        ("limit of joint 'knee'", pytest.approx(2.9 - np.radians(150))),
+    ]
+    found = nearest(model, given)
+    assert outside_ranges(model, found.qpos) == ()
+    free = nearest(model, given, limits=False)
+    assert free.norm < found.norm
+    assert outside_ranges(model, free.qpos)
+
+
+def test_a_closed_group_stays_beside_an_open_one():
+    """Two coupled slides that share nothing with the leg: of them no bit changes."""
+    slides = "".join(
+        f'<body name="s{n}" pos="1 0 0"><joint name="s{n}" type="slide"/><geom type="sphere" size="0.1"/></body>'
+        for n in (1, 2)
+    )
+    xml = LEG.format(mass=0.5).replace("</worldbody>", f"{slides}</worldbody>")
+    xml = xml.replace("<equality>", '<equality><joint joint1="s1" joint2="s2" polycoef="0 0.3 0 0 0"/>')
+    model = mujoco.MjModel.from_xml_string(xml)
+    place = 0.1 + 1e-9  # not quite a float's multiple
+    found = nearest(model, np.array([*GIVEN, 0.3 * place, place]), tolerance=1e-6)
+    assert found.qpos[4:].tolist() == [0.3 * place, place]
+    np.testing.assert_allclose(found.qpos[:4], nearest(leg(), GIVEN).qpos, atol=CLOSED)
+
+
+def test_one_start_gives_the_same_bits_again():
+    model, base = model_at("five_bar")
+    given = disturbed(model, base, 3)
+    np.testing.assert_array_equal(nearest(model, given).qpos, nearest(model, given).qpos)

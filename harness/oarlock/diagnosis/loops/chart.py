@@ -1,8 +1,8 @@
 """The poses of a part of a mechanism in coordinates of their own: its rows, its ranges, and steps along both.
 
-A pose is q₀ ⊞ x: every degree of freedom of the part has a coordinate, what it turned or moved by since q₀; a ball or
-free joint's three are a rotation vector. Lengths are divided by the mechanism's arm, so that the norm of x is in radians
-whatever moves: it is the metric in which a pose is near another.
+A pose is q₀ ⊞ x: every degree of freedom of the part has a coordinate, what it turned or moved by since q₀; the three
+of a ball, or of a free joint's rotation, are a rotation vector. Lengths are divided by the mechanism's arm, so that the
+norm of x is in radians whatever moves: it is the metric in which a pose is near another.
 
 Ranges are bounds on coordinates (hinges, slides) or rows of their own (balls, tendons), as MuJoCo computes them. A step
 p that meets rows and ranges to first order, J p = −c and G p ≥ −g, with the smallest norm is a least-distance problem;
@@ -17,6 +17,7 @@ import numpy as np
 from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.mechanics.inequalities import row_name
 from oarlock.mechanics.rows import jacobian as every_row
+from oarlock.stepping.closing import CONSISTENT
 
 INSET = 1e-10
 """rad or m. Poses stay so far inside of ranges: closing to rounding moves them by far less, and for MuJoCo, and for
@@ -64,7 +65,7 @@ def fenced(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> Assembly
 
 
 def bounds(model: mujoco.MjModel) -> np.ndarray:
-    """Least and largest value (nq, 2) of every entry of qpos: the ranges of limited hinges and slides, else infinite."""
+    """Least and largest value (nq, 2) of every entry of qpos: ranges of hinges and slides, else infinite."""
     found = np.tile([-np.inf, np.inf], (model.nq, 1))
     if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_LIMIT:
         for joint in np.flatnonzero(model.jnt_limited):
@@ -144,8 +145,8 @@ class Chart:
         dofs: degrees of freedom that move; the others stay as they are in q₀.
         rows: rows of the assembly that are to be closed.
         arm: a length that counts as a radian, m.
-        limits: whether to stay inside of ranges.
-        beyond: poses (nq, 2) between which coordinates stay besides.
+        ranges: least and largest value (nq, 2) of every entry of qpos, as of ``bounds``; with None nothing is limited,
+            balls and tendons neither.
     """
 
     def __init__(
@@ -155,9 +156,7 @@ class Chart:
         dofs: list[int],
         rows: np.ndarray,
         arm: float,
-        *,
-        limits: bool = True,
-        beyond: np.ndarray | None = None,
+        ranges: np.ndarray | None,
     ):
         model = assembly.model
         self.assembly, self.base, self.rows, self.arm = assembly, base.copy(), rows, arm
@@ -166,12 +165,13 @@ class Chart:
         owners = model.dof_jntid[self.dofs]
         kinds = model.jnt_type[owners]
         self.single = ~np.isin(kinds, (_FREE, _BALL))
-        self._limits = limits
+        self._limits = ranges is not None
         self._weights = np.ones(len(rows))
         self.low, self.high = np.full(len(dofs), -np.inf), np.full(len(dofs), np.inf)
         self.addresses = model.jnt_qposadr[owners[self.single]]
         self._own = set(owners.tolist())
-        self._fence(bounds(model) if limits else None, beyond)
+        if ranges is not None:
+            self._fence(ranges)
         # Rotation vectors of balls and free joints: where they stand among the coordinates.
         self._turns: list[np.ndarray] = []
         for joint in sorted(self._own):
@@ -192,16 +192,12 @@ class Chart:
             found[block] = found[block].max(initial=0.0)
         return np.maximum(found[self.rows], SHORTEST * max(float(sizes.max(initial=0.0)), SHORTEST))
 
-    def _fence(self, *ranges: np.ndarray | None) -> None:
+    def _fence(self, ranges: np.ndarray) -> None:
         base, unit = self.base[self.addresses], self.unit[self.single]
-        for between in ranges:
-            if between is None:
-                continue
-            least, most = between[self.addresses].T
-            inset = np.minimum(INSET, 0.5 * np.maximum(most - least, 0.0))
-            inset = np.where(np.isfinite(inset), inset, INSET)
-            self.low[self.single] = np.maximum(self.low[self.single], (least + inset - base) / unit)
-            self.high[self.single] = np.minimum(self.high[self.single], (most - inset - base) / unit)
+        least, most = ranges[self.addresses].T
+        inset = np.minimum(INSET, 0.5 * np.maximum(most - least, 0.0))
+        self.low[self.single] = (least + inset - base) / unit
+        self.high[self.single] = (most - inset - base) / unit
 
     @property
     def size(self) -> int:
@@ -311,7 +307,7 @@ class Chart:
                 return seen
             nearer = self._nearer(seen, damping, rank)
             if nearer is None:
-                if seen.gap <= 1e3 * _rounding(self) and not outside:
+                if not outside and (seen.gap <= 1e3 * _rounding(self) or _contradicts(seen)):
                     return seen
                 if damping > 1.0:
                     return None
@@ -348,6 +344,12 @@ def _rounding(chart: Chart) -> float:
     return 4.0 * float(np.finfo(float).eps) * max(1.0, size)
 
 
+def _contradicts(seen: Seen) -> bool:
+    """Whether rows contradict one another by what is left open, as the digits of a file do: no step closes it."""
+    left = seen.split()[0]
+    return seen.gap <= CONSISTENT and float(np.linalg.norm(left.T @ seen.rest)) <= 1e-3 * seen.gap
+
+
 def _error(chart: Chart, seen: Seen) -> float:
     outside = np.minimum(np.concatenate([seen.x - chart.low, chart.high - seen.x, seen.room]), 0.0)
     return float(np.linalg.norm(seen.rest) + np.linalg.norm(outside))
@@ -378,8 +380,4 @@ def _turned(turn: np.ndarray) -> np.ndarray:
     cross = np.array([[0.0, -c, b], [c, 0.0, -a], [-b, a, 0.0]])
     if angle < 1e-4:
         return np.eye(3) - 0.5 * cross + cross @ cross / 6.0
-    return (
-        np.eye(3)
-        - (1.0 - np.cos(angle)) / angle**2 * cross
-        + (angle - np.sin(angle)) / angle**3 * cross @ cross
-    )
+    return np.eye(3) - (1.0 - np.cos(angle)) / angle**2 * cross + (angle - np.sin(angle)) / angle**3 * cross @ cross

@@ -3,8 +3,9 @@
     min ½ ‖x‖²   with   r(q₀ ⊞ x) = 0   inside of all ranges,
 
 x in radians, lengths over the mechanism's arm (``chart``): what turns or slides furthest, not what is heaviest. The
-metric of M, in which a step projects, makes light links pay: they are flung around to spare a heavy one some degrees, and
-a joint that takes no part in a loop is moved along. Every group of equalities that share joints is looked at by itself.
+metric of M, in which a step projects, makes light links pay: they are flung around to spare a heavy one some degrees,
+and a joint that takes no part in a loop is moved along. Every group of equalities that share joints is looked at by
+itself.
 
 From a closed pose the minimum is found along the poses that are closed, by Newton's method on the Lagrangian: with a
 basis Z of what the rows admit and the multipliers of Jᵀλ = −x the step is
@@ -44,6 +45,9 @@ descent."""
 
 BETTER = 1e-9
 """rad. A pose has to be nearer by so much to be taken in place of an earlier one."""
+
+AT_BOUND = 1e-8
+"""rad. A coordinate that is so near to a bound is at it."""
 
 _DIFFERENCE = 1e-6
 """rad. Step of the differences that the curvature of the rows is computed from."""
@@ -143,7 +147,7 @@ def nearest(
         rows = assembly.rows_of_all(numbers)
         owners = model.dof_jntid[dofs]
         free = [dof for dof in dofs if model.dof_jntid[dof] not in held]
-        chart = Chart(assembly, given, free, rows, arm, limits=limits)
+        chart = Chart(assembly, given, free, rows, arm, bounds(model) if limits else None)
         closed = np.abs(rest[rows]).max(initial=0.0) <= tolerance
         if closed and (not free or chart.inside(chart.see(np.zeros(chart.size)))):
             continue
@@ -170,7 +174,10 @@ def groups_of(assembly: Assembly) -> list[tuple[list[int], list[int]]]:
     found = [(numbers, {dof for one in numbers for dof in paths[one].dofs}) for numbers in share_dofs(paths)]
     taken = set().union(*(dofs for _, dofs in found))
     alone = [dof for dof in range(model.nv) if dof not in taken]
-    found += [([], {dof for dof in alone if model.dof_jntid[dof] == joint}) for joint in sorted({*model.dof_jntid[alone].tolist()})]
+    found += [
+        ([], {dof for dof in alone if model.dof_jntid[dof] == joint})
+        for joint in sorted({*model.dof_jntid[alone].tolist()})
+    ]
     for tendon in np.flatnonzero(model.tendon_limited):
         start = int(model.ten_J_rowadr[tendon])
         moved = set(model.ten_J_colind[start : start + int(model.ten_J_rownnz[tendon])].tolist())
@@ -210,11 +217,11 @@ def _norm(seen: Seen | None) -> float:
 def _descend(chart: Chart, seen: Seen) -> Seen:
     """Follows the closed poses from one to the nearest around."""
     for _ in range(STEPS):
-        left, sizes, right, rank = seen.split()
+        _, _, right, rank = seen.split()
         free = right[rank:].T
         if not free.shape[1]:
             return seen
-        step = _newton_step(chart, seen, (left, sizes, right, rank))
+        step = _newton_step(chart, seen, free)
         if np.abs(step).max(initial=0.0) <= SETTLED:
             return seen
         step *= min(1.0, 1.0 / float(np.abs(step).max()))
@@ -231,13 +238,11 @@ def _descend(chart: Chart, seen: Seen) -> Seen:
     return seen
 
 
-def _newton_step(chart: Chart, seen: Seen, parts: tuple[np.ndarray, np.ndarray, np.ndarray, int]) -> np.ndarray:
-    left, sizes, right, rank = parts
-    free = right[rank:].T
-    # At a bound the multipliers are those of the coordinates that may still go.
-    stuck = ((seen.x <= chart.low + 1e-8) & (seen.x < 0.0)) | ((seen.x >= chart.high - 1e-8) & (seen.x > 0.0))
-    stuck = ~stuck & ((seen.x <= chart.low + 1e-8) | (seen.x >= chart.high - 1e-8))
-    go = ~stuck
+def _newton_step(chart: Chart, seen: Seen, free: np.ndarray) -> np.ndarray:
+    """Newton's step along the directions ``free`` (k, d) that the rows admit, inside of ranges."""
+    # At a bound that keeps a coordinate from zero its part of Jᵀλ = −x is the bound's.
+    kept = ((seen.x <= chart.low + AT_BOUND) & (seen.x > 0.0)) | ((seen.x >= chart.high - AT_BOUND) & (seen.x < 0.0))
+    go = ~kept
     multipliers = -np.linalg.lstsq(seen.rows[:, go].T, seen.x[go], rcond=1e-9)[0]
     shape = np.eye(free.shape[1])
     if np.abs(multipliers).max(initial=0.0) > 0.0:
