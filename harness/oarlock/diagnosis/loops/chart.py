@@ -163,15 +163,16 @@ class Chart:
         self.dofs = np.array(dofs, dtype=int)
         self.unit = np.where(lengths(model)[self.dofs], arm, 1.0)
         owners = model.dof_jntid[self.dofs]
+        within = self.dofs - model.jnt_dofadr[owners]
         kinds = model.jnt_type[owners]
-        self.single = ~np.isin(kinds, (_FREE, _BALL))
+        self.single = ~np.isin(kinds, (_FREE, _BALL)) | ((kinds == _FREE) & (within < 3))
         self._limits = ranges is not None
         self._weights = np.ones(len(rows))
         self.low, self.high = np.full(len(dofs), -np.inf), np.full(len(dofs), np.inf)
-        self.addresses = model.jnt_qposadr[owners[self.single]]
+        self.addresses = (model.jnt_qposadr[owners] + within)[self.single]
         self._own = set(owners.tolist())
-        if ranges is not None:
-            self._fence(ranges)
+        self._ranges = ranges
+        self._fence()
         # Rotation vectors of balls and free joints: where they stand among the coordinates.
         self._turns: list[np.ndarray] = []
         for joint in sorted(self._own):
@@ -192,7 +193,15 @@ class Chart:
             found[block] = found[block].max(initial=0.0)
         return np.maximum(found[self.rows], SHORTEST * max(float(sizes.max(initial=0.0)), SHORTEST))
 
-    def _fence(self, ranges: np.ndarray) -> None:
+    def move(self, base: np.ndarray) -> None:
+        """Takes another pose (nq) for q₀; degrees of freedom, rows, their lengths and ranges stay."""
+        self.base[:] = base
+        self._fence()
+
+    def _fence(self) -> None:
+        if self._ranges is None:
+            return
+        ranges = self._ranges
         base, unit = self.base[self.addresses], self.unit[self.single]
         least, most = ranges[self.addresses].T
         inset = np.minimum(INSET, 0.5 * np.maximum(most - least, 0.0))
