@@ -182,6 +182,7 @@ class Chart:
                 if len(at) == 3:
                     self._turns.append(at)
 
+        self.turning = bool(self._turns)
         self._weights = self._row_sizes()
 
     def _row_sizes(self) -> np.ndarray:
@@ -297,24 +298,22 @@ class Chart:
             change = np.linalg.solve(shape, change)
         return np.clip(seen.x + wanted + free @ change, self.low, self.high) - seen.x
 
-    def close(self, x: np.ndarray, rank: int | None = None, trust: float = np.inf) -> Seen | None:
+    def close(self, x: np.ndarray, rounds: int = ROUNDS) -> Seen | None:
         """The closed pose that Newton's steps of least norm lead to, inside of ranges.
 
         Args:
             x: where they begin (k).
-            rank: of the rows, where it is known.
-            trust: how far a coordinate may go at most (rad); beyond it there is no answer.
+            rounds: steps at most.
 
         Returns:
             None where they lead nowhere.
         """
-        begin = np.clip(x, self.low, self.high)
-        seen, damping = self.see(begin), 0.0
-        for _ in range(ROUNDS):
+        seen, damping = self.see(np.clip(x, self.low, self.high)), 0.0
+        for _ in range(rounds):
             outside = not self.inside(seen)
             if seen.gap <= _rounding(self) and not outside:
                 return seen
-            nearer = self._nearer(seen, damping, rank)
+            nearer = self._nearer(seen, damping)
             if nearer is None:
                 if not outside and (seen.gap <= 1e3 * _rounding(self) or _contradicts(seen)):
                     return seen
@@ -323,12 +322,10 @@ class Chart:
                 damping = max(10.0 * damping, 1e-4)
                 continue
             seen, damping = nearer, 0.1 * damping if damping > 1e-6 else 0.0
-            if np.abs(seen.x - begin).max(initial=0.0) > trust:
-                return None
         return None
 
-    def _nearer(self, seen: Seen, damping: float, rank: int | None) -> Seen | None:
-        left, sizes, right, rank = seen.split(len(seen.rest) if damping else rank)  # damped, small ones do no harm
+    def _nearer(self, seen: Seen, damping: float) -> Seen | None:
+        left, sizes, right, rank = seen.split(len(seen.rest) if damping else None)  # damped, small ones do no harm
         wanted = -right[:rank].T @ ((sizes / (sizes**2 + damping)) * (left.T @ seen.rest))
         wanted *= min(1.0, LONGEST / max(float(np.abs(wanted).max(initial=0.0)), LONGEST))
         step = self.step(seen, wanted, right[rank:].T)
@@ -376,9 +373,9 @@ def _least_distance(sides: np.ndarray, least: np.ndarray) -> np.ndarray | None:
         weights, size = nnls(both, target, maxiter=10 * both.shape[1])
     except RuntimeError:
         return None
-    if size < 1e-9:
-        return None
     rest = both @ weights - target
+    if size < 1e-9 or rest[-1] > -1e-12:
+        return None
     return -scale * rest[:-1] / rest[-1]
 
 

@@ -2,9 +2,9 @@
 
 Every group of equalities is looked at by itself, and so is every joint of none. A branch of a group is what steps reach
 from one another (``walk``): a part of its closed poses, inside of ranges, that no singular pose divides. Branches are
-looked for from random poses, which are closed and then joined to those that steps reach; in each a random walk goes some
-way straight on, turns, and goes on (hit and run: Smith 1984, Efficient Monte Carlo procedures for generating points
-uniformly distributed over bounded regions), so that poses fill a branch evenly in the metric of ``chart``.
+looked for from random poses, which are closed and then joined to those that steps reach; in each a random walk goes
+some way straight on, turns, and goes on (hit and run: Smith 1984, Efficient Monte Carlo procedures for generating
+points uniformly distributed over bounded regions), so that poses fill a branch evenly in the metric of ``chart``.
 
 A joint without a range is taken within half a turn of the start, and a slide or a free joint within an arm of it: what
 turns on and on is the same again, and a coupled one or a slide would go on for ever.
@@ -22,7 +22,16 @@ from oarlock.diagnosis.loops.walk import Place, Walk
 from oarlock.mechanics.coupled import coupled, coupled_ids
 
 ORIGINS = 40
-"""Random poses from which branches are looked for, for every group."""
+"""Random poses from which branches are looked for, for every group, at most."""
+
+ENOUGH = 12
+"""So many of them in a row that lead to nothing new end the search."""
+
+ORIGIN_ROUNDS = 20
+"""Newton steps that close one, at most."""
+
+EFFORT = 15_000
+"""Steps along closed poses that the search may take; the clock has no say."""
 
 MOST = 12
 """Branches of a group at most, the start's own among them."""
@@ -30,8 +39,11 @@ MOST = 12
 PILOTS = 30
 """Legs of a walk by which a branch gets to know its own extent."""
 
-LEG = np.pi
+LEG = 2.0
 """rad. A leg between two samples is up to so long."""
+
+TURNS_BACK = 10
+"""So often a leg is gone anew whose end, closed to rounding, is beyond a range by as much."""
 
 RESTART = 20
 """Samples after which a walk goes on from elsewhere in its branch."""
@@ -149,30 +161,36 @@ class _Group:
     # Branches.
 
     def _explore(self, branches: list[_Branch], wanted: bool) -> None:
+        walk = self._walk
         self._wander(branches[0], PILOTS)
+        known = 0  # origins in a row that led to nothing new
         for _ in range(ORIGINS if wanted else 0):
+            if known >= ENOUGH or walk.steps > EFFORT:
+                break
+            known += 1
             origin = self._origin()
-            if origin is None or any(self._joined([origin], branch.places, 1) for branch in branches):
+            if origin is None or self._met([origin], branches, 1) is not None:
                 continue
             new = _Branch([origin])
             self._wander(new, PILOTS)
-            known = next((one for one in branches if self._joined(new.places, one.places, TRIED)), None)
-            if known is not None:
-                known.places += new.places
+            home = self._met(new.places, branches, TRIED)
+            if home is not None:
+                home.places += new.places
             elif len(branches) < MOST:
                 branches.append(new)
+                known = 0
         # What has grown since may meet.
         for late in reversed(range(1, len(branches))):
-            early = next((one for one in branches[:late] if self._joined(branches[late].places, one.places, TRIED)), None)
-            if early is not None:
-                early.places += branches.pop(late).places
+            home = self._met(branches[late].places, branches[:late], TRIED)
+            if home is not None:
+                home.places += branches.pop(late).places
 
     def _origin(self) -> Place | None:
         """A closed pose from a random one, if it has the start's rank."""
         chart, walk = self._chart, self._walk
         chart.move(walk.start)
         least, most = np.maximum(chart.low, -np.pi), np.minimum(chart.high, np.pi)
-        seen = chart.close(self._rng.uniform(least, most))
+        seen = chart.close(self._rng.uniform(least, most), ORIGIN_ROUNDS)
         return None if seen is None or not chart.inside(seen) else walk.at(chart.pose(seen.x))
 
     def _wander(self, branch: _Branch, legs: int) -> None:
@@ -181,14 +199,17 @@ class _Group:
             place = self._walk.leg(place, self._rng.uniform(0.0, LEG), self._rng)
             branch.places.append(place)
 
-    def _joined(self, some: list[Place], others: list[Place], tries: int) -> bool:
-        """Whether steps lead from one of some places to one of others, of the nearest pairs."""
-        far = np.array([[np.linalg.norm(self._walk.apart(a.qpos, b.qpos)) for b in others] for a in some])
-        for pair in np.argsort(far, axis=None, kind="stable")[:tries]:
-            a, b = np.unravel_index(pair, far.shape)
-            if self._walk.connects(some[a], others[b]) or self._walk.connects(others[b], some[a]):
-                return True
-        return False
+    def _met(self, some: list[Place], branches: list[_Branch], tries: int) -> _Branch | None:
+        """The branch to which steps lead from some places; between the nearest pairs they are tried."""
+        walk = self._walk
+        here = np.array([place.x for place in some])
+        for branch in branches:
+            far = np.linalg.norm(walk.shorter(here[:, None] - np.array([place.x for place in branch.places])), axis=2)
+            for pair in np.argsort(far, axis=None, kind="stable")[:tries]:
+                a, b = np.unravel_index(pair, far.shape)
+                if walk.connects(some[a], branch.places[b]) or walk.connects(branch.places[b], some[a]):
+                    return branch
+        return None
 
     # Poses.
 
@@ -200,7 +221,12 @@ class _Group:
         for number in range(count):
             if number % RESTART == 0:
                 place = branch.places[int(self._rng.integers(len(branch.places)))]
-            place = self._walk.leg(place, self._rng.uniform(0.0, LEG), self._rng)
+            for _ in range(TURNS_BACK):
+                new = self._walk.leg(place, self._rng.uniform(0.0, LEG), self._rng)
+                closed = self._walk.closed(new)
+                if closed is not None:
+                    place = closed
+                    break
             found.append(self._wrapped(place))
         return found
 
@@ -221,7 +247,7 @@ class _Group:
                     pose[at : at + 4] = turn / np.linalg.norm(turn)
             chart.move(pose)
             if chart.inside(chart.see(np.zeros(chart.size))):
-                found.append(Place(pose, here.free, np.inf, here.signed))
+                found.append(Place(pose, here.x, here.free, np.inf, here.signed))
             chart.move(walk.start)
         return found
 

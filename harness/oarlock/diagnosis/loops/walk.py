@@ -1,9 +1,9 @@
-"""Steps from one closed pose to the next, along what the rows admit: continuous, inside of ranges, past no singular pose.
+"""Steps from one closed pose to the next, along what rows admit: continuous, inside of ranges, past no singular pose.
 
 A step goes along a tangent and returns to the rows by Newton's steps (a numerical continuation: Rheinboldt 1988, On the
 computation of multi-dimensional solution manifolds of parametrized equations). It is refused where it leaves a range,
-where it does not return near by, and where the smallest singular value σ of the rows changes sign on it: with its vectors
-u and v at the old pose, uᵀ J v is σ there, and what becomes of it at the new one.
+where it does not return near by, and where the smallest singular value σ of the rows changes sign on it: with its
+vectors u and v at the old pose, uᵀ J v is σ there, and what becomes of it at the new one.
 """
 
 from dataclasses import dataclass
@@ -12,8 +12,14 @@ import numpy as np
 
 from oarlock.diagnosis.loops.chart import Chart, Seen
 
-STRIDE = 0.15
-"""rad. Length of a step: a fortieth of a turn, over which the rows bend by a hundredth."""
+STRIDE = 0.2
+"""rad. Length of a step: a thirtieth of a turn, over which the rows bend by some hundredths."""
+
+ON_THE_WAY = 1e-6
+"""rad. So far rows may be open between two steps of a way, over their lengths; at its end they are closed."""
+
+LEAST_GAIN = 0.2
+"""Of a step: a way to a pose that comes nearer by less leads elsewhere."""
 
 CORRECTIONS = 8
 """Newton steps back to the rows, at most: a stride away they square the gap."""
@@ -24,7 +30,7 @@ RETURNS = 0.5
 SHORTER = 4
 """So often a stride is halved before the way counts as closed."""
 
-ARRIVED = 1e-7
+ARRIVED = 1e-5
 """rad. Two poses that are so near are one."""
 
 LEFT = 1e-14
@@ -38,11 +44,13 @@ class Place:
     Attributes:
         qpos: (nq).
         free: orthonormal basis (k, d) of what the rows admit.
+        x: its coordinates from the start (k), angles that turn on and on within half a turn.
         smallest: smallest singular value of the rows that counts.
         signed: its left (n) and right (k) vector.
     """
 
     qpos: np.ndarray
+    x: np.ndarray
     free: np.ndarray
     smallest: float
     signed: tuple[np.ndarray, np.ndarray]
@@ -57,12 +65,14 @@ class Walk:
 
     Attributes:
         rank: of the rows at q₀, which all poses have.
+        steps: that were tried so far.
     """
 
     def __init__(self, chart: Chart, wraps: np.ndarray):
         self.chart, self._wraps = chart, wraps
         self._origin = np.zeros(chart.size)
         self.start = chart.base.copy()
+        self.steps = 0
         seen = chart.see(self._origin)
         self.rank = seen.split()[3]
         self._left = max(LEFT, 4.0 * seen.gap)  # rows that contradict one another close no further
@@ -82,10 +92,11 @@ class Walk:
         rank = self.rank
         if rank and not sizes[rank - 1] > 1e-9 * sizes[0]:
             return None
-        if seen.split()[3] != rank:
+        if rank < len(sizes) and sizes[rank] > max(1e-9, 10.0 * seen.gap) * sizes[0]:
             return None
         last = (left[:, rank - 1], right[rank - 1]) if rank else (np.zeros(len(seen.rest)), np.zeros(len(right)))
-        return Place(qpos.copy(), right[rank:].T, float(sizes[rank - 1]) if rank else np.inf, last)
+        x = self.apart(self.start, qpos)
+        return Place(qpos.copy(), x, right[rank:].T, float(sizes[rank - 1]) if rank else np.inf, last)
 
     def step(self, place: Place, way: np.ndarray, stride: float) -> tuple[Place, np.ndarray] | None:
         """A step from a place along a tangent (k), of norm 1.
@@ -96,20 +107,32 @@ class Walk:
         chart = self.chart
         chart.move(place.qpos)
         for _ in range(SHORTER):
-            seen = self._returned(stride * way, stride)
+            self.steps += 1
+            seen = self._returned(stride * way, stride, ON_THE_WAY)
             if seen is not None and chart.inside(seen) and not self._crosses(place, seen):
-                there = self.at(chart.pose(seen.x))
+                pose = chart.pose(seen.x)
+                # Of hinges and slides the derivatives are those at the new pose already.
+                there = self.at(pose) if chart.turning else self._placed(seen, pose)
                 if there is not None:
                     return there, seen.x
                 chart.move(place.qpos)
             stride *= 0.5
         return None
 
-    def _returned(self, x: np.ndarray, stride: float) -> Seen | None:
+    def closed(self, place: Place) -> Place | None:
+        """The same place closed to rounding; None if that leads out of a range."""
+        self.chart.move(place.qpos)
+        seen = self._returned(self._origin, STRIDE, self._left)
+        if seen is None or not self.chart.inside(seen):
+            return None
+        return self.at(self.chart.pose(seen.x))
+
+    def _returned(self, x: np.ndarray, stride: float, left_open: float) -> Seen | None:
         chart, begin = self.chart, x
+        left_open = max(left_open, self._left)
         seen = chart.see(x)
         for _ in range(CORRECTIONS):
-            if seen.gap <= self._left:
+            if seen.gap <= left_open:
                 return seen
             left, sizes, right, rank = seen.split(self.rank)
             if rank and sizes[-1] <= 1e-9 * sizes[0]:
@@ -152,8 +175,11 @@ class Walk:
     def apart(self, place: np.ndarray, other: np.ndarray) -> np.ndarray:
         """What leads from one pose (nq) to another, (k); the shorter way round."""
         change = self.chart.assembly.difference(place, other)[self.chart.dofs] / self.chart.unit
-        turned = np.pi * np.round(change / np.pi / 2.0) * 2.0
-        return np.where(self._wraps, change - turned, change)
+        return self.shorter(change)
+
+    def shorter(self, change: np.ndarray) -> np.ndarray:
+        """Changes (…, k) of coordinates, the shorter way round."""
+        return np.where(self._wraps, change - 2.0 * np.pi * np.round(change / (2.0 * np.pi)), change)
 
     def connects(self, place: Place, other: Place) -> bool:
         """Whether steps lead from one place towards another until they arrive."""
@@ -168,7 +194,10 @@ class Walk:
             if size <= 1e-3 * far:
                 return False
             taken = self.step(place, along / size, min(STRIDE, size))
-            if taken is None or float(np.linalg.norm(self.apart(taken[0].qpos, other.qpos))) >= far:
+            if taken is None:
                 return False
-            place = taken[0]
+            place, moved = taken
+            gained = far - float(np.linalg.norm(self.apart(place.qpos, other.qpos)))
+            if gained < LEAST_GAIN * float(np.linalg.norm(moved)):
+                return False
         return False
