@@ -102,11 +102,8 @@ def _labels(groups: list[Spread]) -> np.ndarray:
 
 def _nearness(groups: list[Spread]) -> np.ndarray:
     """Smallest singular values over their medians, of the group where that is least; 1 where there are no rows."""
-    found = np.ones(len(groups[0].poses))
-    for group in groups:
-        if group.rank:
-            found = np.minimum(found, group.smallest / max(float(np.median(group.smallest)), 1e-300))
-    return found
+    ratios = [group.smallest / max(float(np.median(group.smallest)), 1e-300) for group in groups if group.rank]
+    return np.min(ratios, axis=0) if ratios else np.ones(len(groups[0].poses))
 
 
 def _velocities(
