@@ -9,6 +9,7 @@ import scipy.optimize
 from gallery import at_start
 from oarlock import InputError, model_names
 from oarlock.diagnosis.loops.nearest import driven_joints, joints_called, nearest, outside_ranges
+from oarlock.diagnosis.loops.poses import nearest_closed
 from oarlock.mechanics.load import load_model
 from places import FIXTURES
 from tolerances import CLOSED
@@ -236,6 +237,72 @@ def test_a_closed_group_stays_beside_an_open_one():
     found = nearest(model, np.array([*GIVEN, 0.3 * place, place]), tolerance=1e-6)
     assert found.qpos[4:].tolist() == [0.3 * place, place]
     np.testing.assert_allclose(found.qpos[:4], nearest(leg(), GIVEN).qpos, atol=CLOSED)
+
+
+# As ``check`` asks it.
+
+
+def test_driven_joints_are_held_where_the_rest_can_close():
+    model = leg()
+    pose = nearest_closed(model, GIVEN, hold=None)
+    assert (pose.held, pose.released) == (("horn",), ())
+    assert pose.qpos[2] == GIVEN[2]
+    assert pose.norm_free == pytest.approx(nearest(model, GIVEN).norm)
+    assert pose.norm_free < pose.norm == pytest.approx(nearest(model, GIVEN, held=(2,)).norm)
+    free = nearest_closed(model, GIVEN)
+    assert (free.held, free.norm_free) == ((), free.norm)
+
+
+def test_driven_joints_are_let_go_where_nothing_closes_else():
+    drives = "".join(f'<motor joint="{name}"/>' for name in ("knee", "rod"))
+    model = mujoco.MjModel.from_xml_string(LEG.format(mass=0.5).replace("<actuator>", f"<actuator>{drives}"))
+    pose = nearest_closed(model, GIVEN, hold=None)
+    assert pose.closed
+    assert (pose.held, set(pose.released)) == ((), {"knee", "rod", "horn"})
+    with pytest.raises(InputError, match="no pose closes the loops with 'knee', 'rod' and 'horn' held"):
+        nearest_closed(model, GIVEN, hold=("knee", "rod", "horn"))
+
+
+def test_a_closed_start_beyond_a_range_stays_and_is_named():
+    model = leg()
+    closed = nearest(model, np.array([0.0, -2.9, 0.6, 0.0]), limits=False).qpos
+    pose = nearest_closed(model, closed, hold=None)
+    np.testing.assert_array_equal(pose.qpos, closed)
+    assert pose.status == "consistent"
+    assert [one.limit for one in pose.rested] == [one.limit for one in outside_ranges(model, closed)] != []
+    assert pose.outside == pose.rested
+
+
+def test_limits_that_cannot_be_kept_are_named():
+    """The ankle closes only with a knee that bends further than it may."""
+    model = mujoco.MjModel.from_xml_string(LEG.format(mass=0.5).replace('"-150 -20"', '"-150 -149"'))
+    pose = nearest_closed(model, GIVEN)
+    assert pose.closed
+    assert nearest(model, GIVEN) is None
+    assert [one.limit for one in pose.outside] == ["limit of joint 'knee'"]
+    assert pose.norm == pytest.approx(nearest(model, GIVEN, limits=False).norm)
+
+
+def test_the_command_holds_joints(oarlock_here, tmp_path):
+    path = tmp_path / "leg.xml"
+    key = f'<keyframe><key qpos="{" ".join(map(str, GIVEN))}" ctrl="0.3"/></keyframe>'
+    path.write_text(LEG.format(mass=0.5).replace("</mujoco>", f"{key}</mujoco>"), encoding="utf-8")
+    common = ("check", path, "--budget", "0", "--duration", "0.05")
+    for asked, moves, words in (
+        ((), "horn", "with 'horn' held; with nothing held"),
+        (("--hold", "none"), None, "It is the nearest inside of all ranges"),
+        (("--hold", "knee"), "knee", "with 'knee' held"),
+    ):
+        said = oarlock_here(*common, *asked, "--write-keyframe", "closed.xml")
+        assert said.returncode == 0
+        assert words in " ".join(said.stdout.split())
+        written = load_model(tmp_path / "closed.xml")
+        pose = dict(zip(("hip", "knee", "horn", "rod"), written.key_qpos[-1], strict=True))
+        still = [name for name, value in zip(pose, GIVEN, strict=True) if pose[name] == value]
+        assert still == ["hip"] if moves is None else moves in still
+    said = oarlock_here(*common, "--hold", "toe")
+    assert said.returncode == 2
+    assert "unknown joint to hold 'toe'" in said.stderr
 
 
 def test_one_start_gives_the_same_bits_again():

@@ -27,8 +27,9 @@ from oarlock.diagnosis.loops.chart import Chart, Seen, arm_of, bounds, fenced
 from oarlock.diagnosis.loops.paths import path_of, share_dofs
 from oarlock.mechanics.names import element_name
 
-STARTS = 24
-"""Searches from other poses around the given one, for every group."""
+STARTS, FEWEST, LARGE = 24, 6, 1200
+"""Searches from other poses around the given one, for every group: of many coordinates fewer, LARGE over their number,
+for each costs more."""
 
 REACHES = (0.2, 0.5, 1.0, 2.0, np.pi)
 """rad. How far around the given pose they begin while none has closed."""
@@ -195,8 +196,9 @@ def _search(chart: Chart) -> tuple[Seen, bool] | None:
     first = chart.close(origin)
     best = _descend(chart, first) if first is not None else None
     rng = np.random.default_rng(0)
-    for number in range(STARTS):
-        far = _norm(best) if best is not None else REACHES[min(number // 4, len(REACHES) - 1)]
+    starts = max(FEWEST, min(STARTS, LARGE // max(chart.size, 1)))
+    for number in range(starts):
+        far = _norm(best) if best is not None else REACHES[number * len(REACHES) // starts]
         if far <= BETTER:
             break
         way = rng.normal(size=chart.size)

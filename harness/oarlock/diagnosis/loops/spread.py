@@ -24,7 +24,7 @@ from oarlock.mechanics.coupled import coupled, coupled_ids
 ORIGINS = 40
 """Random poses from which branches are looked for, for every group, at most."""
 
-ENOUGH = 12
+ENOUGH = 20
 """So many of them in a row that lead to nothing new end the search."""
 
 ORIGIN_ROUNDS = 20
