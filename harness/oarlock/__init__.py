@@ -2,16 +2,17 @@
 
 ``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison, ``diff`` what changed
 between two folders of them, ``check`` why the loops of a file come apart and what would hold them, ``suite`` and
-``sweep`` the runs of many models, ``reactions`` what goes through the equalities of one state:
+``sweep`` the runs of many models, ``reactions`` what goes through the equalities of one state, ``sample`` consistent
+states spread over all that a mechanism can reach:
 
     >>> import oarlock
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
     >>> results = oarlock.run("boat", mode="free", duration=1.0)
     >>> results.summary, results.steps
 
-Each of ``run``, ``check``, ``diff``, ``suite`` and ``sweep`` gives an ``Answer``: its ``document`` is the command's
-JSON, ``report`` writes its page, its tables are polars frames, and a notebook shows it. Arguments are named as the
-command's flags. A name is loaded when it is first asked for.
+Each of ``run``, ``check``, ``diff``, ``sample``, ``suite`` and ``sweep`` gives an ``Answer``: its ``document`` is the
+command's JSON, ``report`` writes its page, its tables are polars frames, and a notebook shows it. Arguments are named
+as the command's flags. A name is loaded when it is first asked for.
 """
 
 from importlib import import_module
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from oarlock.diagnosis.checked import Checked, check
     from oarlock.diagnosis.options import CheckOptions
     from oarlock.diagnosis.reactions import EqualityReaction, reactions
+    from oarlock.diagnosis.sampling import Samples, sample
     from oarlock.experiments.options import RunOptions
     from oarlock.experiments.outcome import Results
     from oarlock.experiments.session import run
@@ -48,6 +50,7 @@ _PLACES = {
     "diagnosis.checked": ("Checked", "check"),
     "diagnosis.options": ("CheckOptions",),
     "diagnosis.reactions": ("EqualityReaction", "reactions"),
+    "diagnosis.sampling": ("Samples", "sample"),
     "experiments.options": ("RunOptions",),
     "experiments.outcome": ("Results",),
     "experiments.session": ("run",),
@@ -64,6 +67,7 @@ __all__ = [
     "Progress",
     "Results",
     "RunOptions",
+    "Samples",
     "Suite",
     "Sweep",
     "__version__",
@@ -74,6 +78,7 @@ __all__ = [
     "model_names",
     "reactions",
     "run",
+    "sample",
     "solver_names",
     "suite",
     "sweep",

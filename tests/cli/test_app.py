@@ -57,7 +57,7 @@ HEAVY = ["altair", "vl_convert", "jinja2", "scipy.optimize", "scipy.interpolate"
 """Each of these takes a tenth of a second or more, and whoever does not use it would wait for it."""
 
 
-@pytest.mark.parametrize("command", ["", "run", "check", "diff", "suite"])
+@pytest.mark.parametrize("command", ["", "run", "check", "diff", "sample", "suite"])
 def test_a_command_loads_only_what_it_needs(command):
     asked = f"import oarlock.cli.{command or 'app'}"
     assert [name for name in loaded(asked) if name in HEAVY] == []

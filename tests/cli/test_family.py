@@ -10,7 +10,7 @@ from mechanisms import four_bar, write_model
 from oarlock.tables.folder import ResultFolder
 from suites import TINY
 
-FAMILY = ("run", "check", "diff", "suite", "sweep")
+FAMILY = ("run", "check", "diff", "suite", "sweep", "sample")
 
 NASTY = "a & <b>"
 """Name of a model that HTML would take for a tag, and Markdown too."""
@@ -47,6 +47,7 @@ def answers(tmp_path_factory):
         "check": oarlock.check(file, budget=0, duration=0.1),
         "diff": oarlock.diff(before, after),
         "suite": oarlock.suite(case, out=folder / "out", jobs=2),
+        "sample": oarlock.sample(file, 5),
         "sweep": oarlock.sweep([case], "timestep=1e-3:2e-3:2", out=folder / "out", jobs=2),
     }
 

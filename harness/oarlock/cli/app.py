@@ -27,6 +27,7 @@ COMMANDS = {
     "suite": "suite.suite",
     "check": "check.check",
     "diff": "diff.diff",
+    "sample": "sample.sample",
     "explain": "explain.explain",
 }
 """Name of a command → its file in this folder and its function there, which are loaded when it is called."""

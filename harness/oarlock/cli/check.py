@@ -44,6 +44,12 @@ def check(
     fail_above: Annotated[
         float | None, typer.Option(metavar="METRES", help="Status 1 if an equality drifts further, m or rad.")
     ] = None,
+    hold: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT", help="Stays where an open start is closed; may be repeated [default: driven; none]."
+        ),
+    ] = None,
     write_keyframe: Annotated[
         Path | None, typer.Option(metavar="OUT.xml", help="A copy with the nearest consistent start as a keyframe.")
     ] = None,
@@ -74,6 +80,7 @@ def check(
         ignore_inequalities=ignore_inequalities,
         fail_above=fail_above,
         lint=lint,
+        hold=None if not hold else [] if hold == ["none"] else hold,
     )
     if lint:
         _require_alone(

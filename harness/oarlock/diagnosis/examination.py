@@ -261,7 +261,7 @@ def examine(found: Examination) -> Iterator[str]:
         _lint(found)
         found.settings = stability(found.model)
         return
-    found.pose = nearest_closed(found.model, found.qpos, found.qvel, data)
+    found.pose = nearest_closed(found.model, found.qpos, found.qvel, data, hold=found.options.hold)
     found.size = extent(found.model, found.pose.loops, data)
     _lint(found)
     yield "loops"

@@ -1,7 +1,7 @@
 """What a user may ask of a check."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -40,6 +40,8 @@ class CheckOptions:
         budget: work for the runs that look for settings, in seconds of an ordinary machine; 0: none are looked for. The
             clock of this machine only cuts short what takes ten times as long.
         ignore_inequalities: without contacts, limits and friction, on both sides.
+        hold: joints that stay as they are where an open start is closed; None: those that actuators act on, where the
+            rest can close; empty: none.
         fail_above: bound on the drift, m or rad; beyond it there is an error among the findings.
         lint: only what can be seen without a run, in milliseconds.
 
@@ -58,6 +60,7 @@ class CheckOptions:
     budget: float = BUDGET_S
     ignore_inequalities: bool = False
     fail_above: float | None = None
+    hold: Sequence[str] | None = None
     lint: bool = False
 
     def __post_init__(self):
@@ -69,6 +72,8 @@ class CheckOptions:
             raise InputError(f"seed = {self.seed!r}, expected a whole number ≥ 0")
         if self.integrator is not None:
             choose("integrator", self.integrator, RUNNING)
+        if isinstance(self.hold, str):
+            raise InputError(f"hold = {self.hold!r}, expected a list of joints")
         if self.controls is not None:
             choose("kind of controls", self.controls, get_args(Controls))
 

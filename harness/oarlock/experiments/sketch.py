@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from oarlock.mechanics.names import element_name, equalities
+from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
 from oarlock.tables.spool import Spool
 
 TRACE_POINTS = 240
@@ -38,7 +39,8 @@ def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[s
     """Bodies at the start, the anchors of the equalities there, and the anchors' traces along a path (steps, nq).
 
     A body is drawn as a star: from its first joint to its other joints, its children's joints, the anchors on it and
-    its centre of mass. Points are world coordinates in m.
+    its centre of mass, all of which move with it; where an anchor is in the air, to its own end nearest to that. Points
+    are world coordinates in m.
     """
     data = mujoco.MjData(model)
 
@@ -50,27 +52,31 @@ def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[s
     place(start)
     bodies = []
     for body in range(1, model.nbody):
-        own = _joint_anchors(model, data, body)
+        own = [fixed_point(data, body, model.jnt_pos[joint]) for joint in distinct_joints(model, body)]
         points = own[1:]
         for child in range(body + 1, model.nbody):
             if model.body_parentid[child] == body:
-                points += _joint_anchors(model, data, child)[:1]
-        points += [point for anchor_body, point in _equality_anchors(model, data) if anchor_body == body]
+                points += _entered(model, data, child)
+        points += [
+            point if local is None else fixed_point(data, body, local)
+            for end, point, local in _equality_anchors(model, data)
+            if end == body
+        ]
         points.append(data.xipos[body].copy())
         hub = own[0] if own else data.xpos[body].copy()
         bodies.append(
             {
                 "name": element_name(model, mujoco.mjtObj.mjOBJ_BODY, body),
-                "grounded": bool(own) and int(model.body_parentid[body]) == 0,
+                "grounded": stands(model, body),
                 "hub": hub.tolist(),
                 "points": [point.tolist() for point in points if np.linalg.norm(point - hub) > 1e-9],
             }
         )
-    anchors = [point.tolist() for _, point in _equality_anchors(model, data)]
+    anchors = [point.tolist() for _, point, _ in _equality_anchors(model, data)]
     traces: list[list[list[float]]] = [[] for _ in anchors]
     for qpos in _spread(path[np.isfinite(path).all(axis=1)]):
         place(qpos)
-        for trace, (_, point) in zip(traces, _equality_anchors(model, data), strict=True):
+        for trace, (_, point, _) in zip(traces, _equality_anchors(model, data), strict=True):
             trace.append(point.tolist())
     return {
         "equalities": [equality.name for equality in equalities(model)],
@@ -80,18 +86,16 @@ def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[s
     }
 
 
-def _joint_anchors(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[np.ndarray]:
-    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
-    anchors: list[np.ndarray] = []
-    for joint in range(first, first + count):
-        anchor = data.xanchor[joint].copy()
-        if not any(np.allclose(anchor, known) for known in anchors):
-            anchors.append(anchor)
-    return anchors
+def _entered(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[np.ndarray]:
+    """Where the parent carries a body: at its first joint, where a slide has not moved it yet."""
+    joint = int(model.body_jntadr[body])
+    if joint < 0:
+        return []
+    return [data.xanchor[joint].copy() if rails_of(model, body) else fixed_point(data, body, model.jnt_pos[joint])]
 
 
-def _equality_anchors(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[int, np.ndarray]]:
-    """(body, world point) of both ends of every equality that joins points."""
+def _equality_anchors(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[int, np.ndarray, np.ndarray | None]]:
+    """Body, world point, and end of the body if that is in the air, of both ends of what joins points."""
     found = []
     for equality in equalities(model):
         if not equality.kind.joins_points:
@@ -100,6 +104,6 @@ def _equality_anchors(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[
             if equality.sites:
                 point = data.site_xpos[equality.sites[end]].copy()
             else:
-                point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ equality.anchor(model, end)
-            found.append((body, point))
+                point = fixed_point(data, body, equality.anchor(model, end))
+            found.append((body, point, drawn_end(model, equality, end)))
     return found

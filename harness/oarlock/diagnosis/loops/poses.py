@@ -1,13 +1,15 @@
 """The start: whether it is consistent, the nearest pose that is, and what stands in the way where there is none."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError
+from oarlock.base.errors import InputError, few
 from oarlock.diagnosis.loops.assembly import Assembly
+from oarlock.diagnosis.loops.chart import arm_of, lengths
 from oarlock.diagnosis.loops.gaps import (
     TRIES,
     Culprits,
@@ -20,6 +22,14 @@ from oarlock.diagnosis.loops.gaps import (
 )
 from oarlock.diagnosis.loops.loops import Loops, loops_at
 from oarlock.diagnosis.loops.mobility import Mobility, Tilt, find_mobility, find_tilts
+from oarlock.diagnosis.loops.nearest import (
+    Nearest,
+    Outside,
+    driven_joints,
+    joints_called,
+    nearest,
+    outside_ranges,
+)
 from oarlock.mechanics.names import element_name
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.projection import Projector
@@ -42,6 +52,14 @@ class ClosedPose:
         moved: largest change of a coordinate, rad or m, as the joint has it.
         moved_joint: whose; empty where nothing moved.
         moved_speed: largest change of a velocity.
+        norm: the whole change, rad: the root of the sum of squares, lengths over ``arm``; of all closed poses inside of
+            ranges this one has the least.
+        arm: a length that counts as a radian, m.
+        held: joints of open loops that were not to move.
+        released: driven joints that were to be held, but then nothing closes.
+        norm_free: ``norm`` if nothing were held; as ``norm`` where nothing is.
+        rested: limits that the start is beyond, furthest first.
+        outside: those that ``qpos`` is beyond: a consistent start stays where it is, and some loops close only there.
         detour: whether the pose was found only from a disturbed start.
         culprits: where it is not closed.
         loops: the loops at ``qpos``.
@@ -58,6 +76,13 @@ class ClosedPose:
     moved: float
     moved_joint: str
     moved_speed: float
+    norm: float
+    arm: float
+    held: tuple[str, ...]
+    released: tuple[str, ...]
+    norm_free: float
+    rested: tuple[Outside, ...]
+    outside: tuple[Outside, ...]
     detour: bool
     culprits: tuple[Culprits, ...]
     loops: Loops
@@ -84,17 +109,24 @@ def nearest_closed(
     qpos: np.ndarray | None = None,
     qvel: np.ndarray | None = None,
     data: mujoco.MjData | None = None,
+    *,
+    hold: Sequence[str] | None = (),
 ) -> ClosedPose:
-    """The nearest consistent start: positions by Newton steps in the metric of M, then velocities by v − M⁻¹JᵀA⁺Jv.
+    """The nearest consistent start: positions as ``nearest``, then velocities by v − M⁻¹JᵀA⁺Jv.
+
+    A start that is closed within ``CONSISTENT`` is taken to rounding by Newton steps in the metric of M, and is not
+    moved into ranges.
 
     Args:
         model: any; left alone.
         qpos: start (nq); None: that of ``data``, or the model's own.
         qvel: its velocities (nv); None: those of ``data``, or none.
         data: mocap bodies and which equalities are active; left alone.
+        hold: joints that stay as they are; None: those that actuators act on, where the rest can close.
 
     Raises:
-        InputError: the start is not finite or of another size; or as ``find_loops``.
+        InputError: the start is not finite or of another size; no joint of a name, or nothing closes while those stay;
+            or as ``find_loops``.
     """
     for name, value, size in (("qpos", qpos, model.nq), ("qvel", qvel, model.nv)):
         if value is not None and (np.shape(value) != (size,) or not np.isfinite(value).all()):
@@ -107,9 +139,14 @@ def nearest_closed(
     assembly.require_finite()
     openings = openings_of(assembly, assembly.residual())
     speeds = openings_of(assembly, assembly.jacobian() @ speed, rates=True)
-    closed = assembly.close()
-    detour = not closed and try_around(assembly, given, TRIES, open_dofs(assembly))
-    closed = closed or detour
+    way, released = _way(model, assembly, given, data, hold)
+    if way is None:
+        closed = assembly.close()
+        detour = not closed and try_around(assembly, given, TRIES, open_dofs(assembly))
+        closed = closed or detour
+    else:
+        assembly.place(way.qpos)
+        closed, detour = True, way.detour
     if not closed:
         settle(assembly)
     loops = loops_at(assembly, closed)
@@ -119,6 +156,8 @@ def nearest_closed(
     change = assembly.difference(given, found)
     most = int(np.abs(change).argmax())
     moved = float(np.abs(change[most]))
+    arm = arm_of(assembly) if way is None else way.arm
+    norm = float(np.linalg.norm(change / np.where(lengths(model), arm, 1.0)))
     culprits = () if closed else find_culprits(assembly, given, loops, left)
     mobility = find_mobility(assembly, loops) if closed else ()
     stuck = {name for one in mobility if one.locked for name in one.equalities}
@@ -134,12 +173,52 @@ def nearest_closed(
         moved=moved,
         moved_joint=element_name(model, _JOINT, int(model.dof_jntid[most])) if moved else "",
         moved_speed=float(np.abs(velocity - speed).max()),
+        norm=norm,
+        arm=arm,
+        held=way.held if way else (),
+        released=released,
+        norm_free=_norm_free(model, given, way, data) if way and way.held else norm,
+        rested=outside_ranges(model, given),
+        outside=outside_ranges(model, found),
         detour=detour,
         culprits=culprits,
         loops=loops,
         mobility=mobility,
         tilts=find_tilts(assembly, suspect),
     )
+
+
+def _way(
+    model: mujoco.MjModel, assembly: Assembly, given: np.ndarray, data: mujoco.MjData | None, hold: Sequence[str] | None
+) -> tuple[Nearest | None, tuple[str, ...]]:
+    """The way to the nearest closed pose, and the driven joints that had to be let go; None if there is nothing to do.
+
+    Where ranges admit no closed pose, they are left.
+    """
+    asked = joints_called(model, tuple(hold or ()))
+    if float(np.abs(assembly.residual()).max(initial=0.0)) <= CONSISTENT:
+        return None, ()
+    here = model, given, data
+    held = driven_joints(model) if hold is None else asked
+    found = nearest(*here, held=held, tolerance=CONSISTENT)
+    if found is not None or asked:
+        if found is None and (found := nearest(*here, held=held, limits=False, tolerance=CONSISTENT)) is None:
+            names = few([f"'{name}'" for name in hold or ()])
+            raise InputError(f"--hold: no pose closes the loops with {names} held, expected joints that may stay")
+        return found, ()
+    for kept in (True, False):
+        found = nearest(*here, limits=kept, tolerance=CONSISTENT)
+        if found is not None:
+            break
+    concerned = {int(model.dof_jntid[dof]) for dof in open_dofs(assembly)}
+    released = [element_name(model, _JOINT, joint) for joint in held if joint in concerned]
+    return found, tuple(released) if found is not None else ()
+
+
+def _norm_free(model: mujoco.MjModel, given: np.ndarray, way: Nearest, data: mujoco.MjData | None) -> float:
+    """How far the nearest closed pose is with nothing held, rad."""
+    found = nearest(model, given, data, limits=way.limits, tolerance=CONSISTENT)
+    return way.norm if found is None else min(found.norm, way.norm)
 
 
 def _admitted(assembly: Assembly, qvel: np.ndarray) -> np.ndarray:

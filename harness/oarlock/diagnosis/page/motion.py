@@ -1,7 +1,9 @@
 """The moving mechanism: MuJoCo's run beside the exact one, as points on a plane, the gaps of its loops exaggerated.
 
-A body is a star, as in ``oarlock.sketch``: lines from its first joint to what is fixed to it. A gap is exaggerated by
-moving the two points of a connect or weld apart along it; the bodies' lines follow. Poses are MuJoCo's own.
+A body is a star, as in ``oarlock.sketch``: lines from its first joint to what is fixed to it, all of which moves with
+it. A slide has a rail, from where it begins to where the body is. A gap is exaggerated by moving the two points of a
+connect or weld apart along it; the bodies' lines follow, except where such a point is in the air (``outline``): there
+the body is drawn to its own end, and a dotted line joins that to the point. Poses are MuJoCo's own.
 """
 
 import html
@@ -17,6 +19,7 @@ from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.assembly import anchors
 from oarlock.mechanics.names import Equality, element_name
+from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
 from oarlock.render.charts import VIEW
 
 FRAMES = 140
@@ -38,6 +41,7 @@ FLAT = 1e-6
 """Of the extent: a mechanism that moves by less across a plane is in it."""
 
 PALETTE = ("#1b9e77", "#7570b3", "#66a61e", "#a6761d", "#1f78b4", "#e7298a", "#b8860b", "#6a8caf")
+RAIL = "#bbb"
 GAP, MARK = "#d7301f", "#d7301f"
 
 _JOINT, _BODY = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_BODY
@@ -50,6 +54,7 @@ class Skeleton:
         self.model, self._data = model, mujoco.MjData(model)
         self._sources: list[tuple[str, int, int]] = []
         self._of: dict[tuple[str, int, int], int] = {}
+        self._locals: list[np.ndarray] = []
         self._closing = [one for one in equalities if one.kind.joins_points]
         self._equalities = {one.index: one for one in self._closing}
         mujoco.mj_kinematics(model, self._data)
@@ -61,10 +66,12 @@ class Skeleton:
             ends[one.index, end] for one in self._closing for end in (0, 1) if not one.bodies[end]
         ]
         self.joints: list[int] = []
+        self.rails: list[tuple[int, int]] = []
+        self.air: list[tuple[int, int]] = []
         for body in range(1, model.nbody):
             self._add(body, ends)
         self.couplings = [
-            (self._point("joint", first), self._point("joint", second))
+            (self._joint(first), self._joint(second))
             for one in equalities
             if one.kind.holds == "joints"
             and (first := int(model.eq_obj1id[one.index])) >= 0
@@ -78,30 +85,42 @@ class Skeleton:
             self._sources.append(source)
         return self._of[source]
 
-    def _joints_of(self, body: int) -> list[int]:
-        """Joints of a body, one of those that have the same anchor."""
-        first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
-        found: list[int] = []
-        for joint in range(first, first + count):
-            if not any(np.allclose(self._data.xanchor[joint], self._data.xanchor[known]) for known in found):
-                found.append(joint)
-        return found
+    def _fixed(self, body: int, local: np.ndarray) -> int:
+        """A point of a body by its place (3) in the body's frame."""
+        at = next((at for at, known in enumerate(self._locals) if np.array_equal(known, local)), len(self._locals))
+        if at == len(self._locals):
+            self._locals.append(np.array(local))
+        return self._point("fixed", body, at)
+
+    def _joint(self, joint: int) -> int:
+        """A joint's point of its own body."""
+        return self._fixed(int(self.model.jnt_bodyid[joint]), self.model.jnt_pos[joint])
+
+    def _entered(self, body: int) -> int:
+        """Where the parent carries a body: at its first joint, before a slide moves it, or the body itself."""
+        joint = int(self.model.body_jntadr[body])
+        if joint < 0:
+            return self._point("body", body)
+        return self._point("rail", joint) if rails_of(self.model, body) else self._joint(joint)
 
     def _add(self, body: int, ends: dict[tuple[int, int], int]) -> None:
-        own = [self._point("joint", joint) for joint in self._joints_of(body)]
+        model = self.model
+        own = [self._joint(joint) for joint in distinct_joints(model, body)]
         hub = own[0] if own else self._point("body", body)
         points = own[1:]
-        children = [child for child in range(body + 1, self.model.nbody) if self.model.body_parentid[child] == body]
-        for child in children:
-            first = self._joints_of(child)[:1]
-            points += [self._point("joint", joint) for joint in first] or [self._point("body", child)]
-        points += [ends[one.index, end] for one in self._closing for end in (0, 1) if one.bodies[end] == body]
+        children = [child for child in range(body + 1, model.nbody) if model.body_parentid[child] == body]
+        points += [self._entered(child) for child in children]
+        for one, end in ((one, end) for one in self._closing for end in (0, 1) if one.bodies[end] == body):
+            drawn = drawn_end(model, one, end)
+            points.append(ends[one.index, end] if drawn is None else self._fixed(body, drawn))
+            if drawn is not None:
+                self.air.append((points[-1], ends[one.index, end]))
         if not points:
             points.append(self._point("centre", body))
         if own:
-            free = self.model.jnt_type[self.model.body_jntadr[body]] == mujoco.mjtJoint.mjJNT_FREE
-            (self.joints if free or self.model.body_parentid[body] else self.grounded).append(hub)
-        name = plain(element_name(self.model, _BODY, body))
+            (self.grounded if stands(model, body) else self.joints).append(hub)
+        self.rails += [(self._point("rail", joint), self._point("slid", joint)) for joint in rails_of(model, body)]
+        name = plain(element_name(model, _BODY, body))
         self.bodies.append((name, [(hub, point) for point in dict.fromkeys(points) if point != hub]))
 
     @property
@@ -120,8 +139,13 @@ class Skeleton:
             for place, (kind, index, end) in enumerate(self._sources):
                 if kind == "anchor":
                     found[at, place] = both[index][end]
-                elif kind == "joint":
+                elif kind == "fixed":
+                    found[at, place] = fixed_point(data, index, self._locals[end])
+                elif kind == "rail":
                     found[at, place] = data.xanchor[index]
+                elif kind == "slid":
+                    slid = pose[model.jnt_qposadr[index]] - model.qpos0[model.jnt_qposadr[index]]
+                    found[at, place] = data.xanchor[index] + slid * data.xaxis[index]
                 else:
                     found[at, place] = data.xpos[index] if kind == "body" else data.xipos[index]
         return found
@@ -174,6 +198,8 @@ class Motion:
             )
         factor = figure(int(self.factor))
         times = "gaps as they are" if self.factor == 1.0 else f"the gaps of its loops exaggerated {factor} times"
+        if self.skeleton.air:
+            times += "; dotted in red where the anchor of an equality is not at its body, but in the air"
         return (
             f"MuJoCo{exact}, {times}: red lines join the two points of every connect and weld. The largest gap is "
             f"{figure(self.gap, 'm')}, at t = {self.times[self.worst]:.6g} s. Angles and couplings are not exaggerated."
@@ -193,6 +219,8 @@ class Motion:
             ],
             "loops": bone.loops,
             "couplings": bone.couplings,
+            "rails": bone.rails,
+            "air": bone.air,
             "grounded": bone.grounded,
             "joints": bone.joints,
             "sides": [
@@ -324,6 +352,8 @@ def _drawing(moving: Motion, points: np.ndarray) -> str:
         parts.append(f'<path d="{d}" fill="none" stroke-linecap="round" {style}>{title}</path>')
 
     path(bone.couplings, 'stroke="#999" stroke-width="3" stroke-dasharray="10 10"')
+    path(bone.rails, f'stroke="{RAIL}" stroke-width="4"')
+    path(bone.air, f'stroke="{GAP}" stroke-width="4" stroke-dasharray="4 9"')
     for at, (name, lines) in enumerate(bone.bodies):
         path(lines, f'stroke="{PALETTE[at % len(PALETTE)]}" stroke-width="12" opacity="0.85"', name)
     path(bone.loops, f'stroke="{GAP}" stroke-width="5"')
@@ -335,6 +365,9 @@ def _drawing(moving: Motion, points: np.ndarray) -> str:
             else f"M{x - 8} {y}a8 8 0 1 0 16 0a8 8 0 1 0 -16 0z"
         )
         parts.append(f'<path d="{mark}" fill="#222"/>')
+    for point, _ in bone.air:
+        x, y = points[point]
+        parts.append(f'<path d="M{x - 11} {y - 11}l22 22M{x - 11} {y + 11}l22 -22" stroke="{GAP}" stroke-width="5"/>')
     for point in (end for pair in bone.loops for end in pair):
         x, y = points[point]
         parts.append(f'<path d="M{x - 9} {y}l9 -9l9 9l-9 9z" fill="{MARK}"/>')

@@ -196,6 +196,8 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         said = [f"stands open by {worst} at the start"]
         if pose.moved_joint:
             said.append(f"the nearest closed pose moves '{pose.moved_joint}' by {pose.moved:.3g}{_unit(exam, pose)}")
+        if pose.outside:
+            said.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
     if fastest.largest > CONSISTENT:
         whose = "" if fastest.equality == element else f"{quoted(fastest.equality)} "
         said.append(f"{whose}comes apart at {fastest.told('/s')} at the start")

@@ -3,12 +3,18 @@
 from oarlock.base.numbers import figure
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.loops.chart import lengths
 from oarlock.diagnosis.loops.gaps import Opening
+from oarlock.diagnosis.loops.nearest import Outside
+from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import many, why_not
 
 ROUNDING = 1e-9
 """m or rad, and per s: a smaller opening is not worth a line on a terminal."""
+
+LESS = 0.99
+"""Of the way: what is shorter by more is worth a word."""
 
 _SAID = {
     "consistent": "consistent. Every equality is closed, and so are their rates.",
@@ -29,9 +35,14 @@ def start(exam: Examination) -> Chapter:
         by = f", most of them '{pose.moved_joint}'" if pose.moved_joint else ""
         said += f" Coordinates move by up to {figure(pose.moved)} rad or m{by}, velocities by up to "
         said += f"{figure(pose.moved_speed)} rad/s or m/s."
+        said += _way(pose, bool(lengths(exam.model).any()))
     if pose.detour:
         said += " The pose given is a dead end: the closed one was found from disturbed starts around it."
     chapter.say(said)
+    if pose.rested:
+        chapter.say(f"The start rests beyond {_limits(pose.rested)}.")
+    if pose.outside and pose.moved:
+        chapter.say(f"Inside of all ranges nothing closes: the closed pose is beyond {_limits(pose.outside)}.")
     for culprits in pose.culprits:
         chapter.say(f"What stands in the way: {culprits}.")
     for one in pose.mobility:
@@ -52,6 +63,26 @@ def start(exam: Examination) -> Chapter:
     short = Table("start", columns, [row for row, worth in zip(rows, told, strict=True) if worth])
     chapter.table("start", columns, rows, short=short if any(told) else None)
     return chapter
+
+
+def _way(pose: ClosedPose, slides: bool) -> str:
+    """How far the closed pose is in all, and what was held."""
+    if not pose.moved:
+        return ""
+    said = f" It is the nearest{'' if pose.outside else ' inside of all ranges'}, {figure(pose.norm, 'rad')} away"
+    said += " (root of the sum of squares"
+    said += f", {figure(pose.arm, 'm')} counted as a radian)" if slides else ")"
+    if pose.held:
+        said += f", with {many(map(repr, pose.held))} held"
+        if pose.norm_free < LESS * pose.norm:
+            said += f"; with nothing held {figure(pose.norm_free, 'rad')} suffice (--hold none)"
+    if pose.released:
+        said += f"; {many(map(repr, pose.released))} had to be let go, for then nothing closes"
+    return f"{said}."
+
+
+def _limits(beyond: tuple[Outside, ...]) -> str:
+    return many(f"the {one.limit} by {figure(one.by)} rad or m" for one in beyond)
 
 
 def _opened(opening: Opening) -> tuple[str, str]:

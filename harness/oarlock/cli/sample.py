@@ -1,0 +1,47 @@
+"""``oarlock sample``: consistent states of a mechanism, as a file of arrays."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from oarlock.cli.console import JsonOption, NoCodeOption, console, emit_json, ends, say, shown
+
+
+@ends()
+def sample(
+    file: Annotated[str, typer.Argument(metavar="FILE.xml", help="MJCF with loops closed by equalities, or a MODEL.")],
+    count: Annotated[int, typer.Option("--number", "-n", metavar="N", help="How many.")] = 1000,
+    out: Annotated[Path | None, typer.Option("--out", "-o", metavar="POSES.npz", help="File for the arrays.")] = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of all random numbers.")] = 0,
+    speed: Annotated[
+        float, typer.Option(metavar="RAD/S", help="Root mean square of the velocities at the start; 0: at rest.")
+    ] = 1.0,
+    branches: Annotated[str, typer.Option(metavar="WHICH", help="all, or start: only the start's own.")] = "all",
+    report: Annotated[Path | None, typer.Option(metavar="DIR", help="A page with what was covered.")] = None,
+    as_json: JsonOption = None,
+    no_code: NoCodeOption = False,
+) -> None:
+    """Consistent states of a mechanism: closed positions inside of all ranges, and velocities that the loops admit."""
+    from rich.table import Table
+
+    from oarlock.base.numbers import short
+    from oarlock.diagnosis.sampling import sample as draw
+
+    drawn = draw(file, count, seed, speed=speed, branches=branches)
+    if as_json != "-":
+        console().print(shown(drawn.said()), soft_wrap=True)
+        for frame in (drawn.branches, drawn.coverage):
+            table = Table(box=None, header_style="bold", pad_edge=False)
+            for name in frame.columns:
+                table.add_column(name.replace("_", " "), no_wrap=True)
+            for row in frame.rows():
+                table.add_row(*(shown(short(value)) for value in row))
+            console().print()
+            console().print(table)
+    if out:
+        say(f"oarlock: {drawn.save(out)}")
+    if report:
+        say(f"oarlock: {drawn.report(report)}")
+    if as_json:
+        emit_json(drawn.document(), as_json)
