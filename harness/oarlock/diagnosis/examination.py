@@ -1,7 +1,7 @@
 """An examination: one model looked at from its loops to what would hold them, each part as soon as it is there."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
@@ -16,7 +16,6 @@ from oarlock.diagnosis.loops.stops import Stops, find_stops
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
 from oarlock.diagnosis.options import CheckOptions
-from oarlock.diagnosis.runs import controls
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
 from oarlock.diagnosis.runs.exact import ExactRun, record_exact
 from oarlock.diagnosis.runs.fights import Fight, find_fight
@@ -30,6 +29,7 @@ from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import load_mechanism, set_integrator
+from oarlock.stepping.beginning import Beginning, beginning_of_case, beginning_of_file
 from oarlock.stepping.start import consistent_start
 
 DURATION_S = 2.0
@@ -55,7 +55,7 @@ class Examination:
     Attributes:
         file: as it was given; path: of the MJCF.
         model: the user's, with nothing changed.
-        qpos, qvel: the user's start, (nq) and (nv).
+        qpos, qvel, act: the user's start, (nq), (nv) and (na).
         begins: where that start comes from, in words.
         laws: actuator → control as a law of time; driven: the same in words.
         own_s: how long the case's own run takes, s; None of a file.
@@ -86,6 +86,7 @@ class Examination:
     driven: str
     own_s: float | None
     options: CheckOptions
+    act: np.ndarray = field(default_factory=lambda: np.zeros(0))
     steps: int = 0
     ignored: str = ""
     pose: ClosedPose | None = None
@@ -141,66 +142,43 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
 
 def _of_file(path: Path, options: CheckOptions) -> Examination:
     model = load_model(path)
-    data = mujoco.MjData(model)
-    begins = "the model's own pose, at rest"
-    if model.nkey or options.keyframe is not None:
-        wanted = options.keyframe
-        key = controls.keyframe(model, int(wanted) if wanted is not None and wanted.isdigit() else wanted)
-        mujoco.mj_resetDataKeyframe(model, data, key)
-        for body in range(model.nbody):  # every data that is made of the model then has them there
-            if (mocap := int(model.body_mocapid[body])) >= 0:
-                model.body_pos[body], model.body_quat[body] = data.mocap_pos[mocap], data.mocap_quat[mocap]
-        begins = f"keyframe '{model.key(key).name or f'#{key}'}'"
-    kind, laws = _driven(model, options)
-    return Examination(str(path), path, model, data.qpos.copy(), data.qvel.copy(), begins, laws, kind, None, options)
-
-
-def _driven(model: mujoco.MjModel, options: CheckOptions) -> tuple[str, dict[str, str]]:
-    """The controls in words, and as laws."""
-    if model.nu == 0:
-        return "no actuators", {}
-    kind = options.controls or ("constant" if options.control else "keyframe" if _keeps(model, options) else "random")
-    laws = controls.laws(
-        model, choose("kind of controls", kind, controls.KINDS), options.keyframe, options.seed, options.control
-    )
-    words = {
-        "keyframe": "the keyframe's controls, held",
-        "constant": "constant controls",
-        "random": f"a random smooth control of every actuator (seed {options.seed})",
-    }
-    return words[kind], laws
-
-
-def _keeps(model: mujoco.MjModel, options: CheckOptions) -> bool:
-    """Whether there is a keyframe that says what the controls are."""
-    return bool(model.nkey) and bool(model.key_ctrl[controls.keyframe(model, options.keyframe)].any())
+    return _begun(str(path), path, model, beginning_of_file(model, options.motion), options)
 
 
 def _of_case(name: str, options: CheckOptions) -> Examination:
     case = load_case(name)
     run = case.file.run
     model = load_mechanism(case, integrator=run.integrator)
-    start = consistent_start(model, case)
-    kind, laws = "the case's own drive", controls.written_out(case.file.drive)
-    if options.controls or options.control:
-        kind, laws = _driven(model, options)
-    elif not laws:
-        kind = "no drive" if model.nu else "no actuators"
+    begins = beginning_of_case(model, case, options.motion)
+    start = consistent_start(model, case, begins=begins)
+    begins = replace(begins, qpos=start.qpos, qvel=start.qvel)
     ignoring = run.ignore_inequalities and not options.ignore_inequalities
     ignored = ignore_inequalities(model) if ignoring else ""
-    begins = f"the start of case '{case.name}'"
+    return _begun(name, case.model_path, model, begins, options, run.duration_s, ignored)
+
+
+def _begun(
+    file: str,
+    path: Path,
+    model: mujoco.MjModel,
+    begins: Beginning,
+    options: CheckOptions,
+    own_s: float | None = None,
+    ignored: str = "",
+) -> Examination:
     return Examination(
-        name,
-        case.model_path,
+        file,
+        path,
         model,
-        start.qpos,
-        start.qvel,
-        begins,
-        laws,
-        kind,
-        run.duration_s,
+        begins.qpos,
+        begins.qvel,
+        begins.begins,
+        begins.laws,
+        begins.driven,
+        own_s,
         options,
-        ignored=ignored or "",
+        act=begins.act,
+        ignored=ignored,
     )
 
 
@@ -239,17 +217,18 @@ def examine(found: Examination) -> Iterator[str]:
 
 def _data(found: Examination) -> mujoco.MjData:
     data = mujoco.MjData(found.model)
-    data.qpos[:], data.qvel[:] = found.qpos, found.qvel
+    data.qpos[:], data.qvel[:], data.act[:] = found.qpos, found.qvel, found.act
     return data
 
 
 def _run(found: Examination) -> None:
     assert found.pose is not None
     with _Reason(found, "run"):
-        found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps)
+        found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps, act=found.act)
     if found.closed:
         with _Reason(found, "exact"):
-            found.exact = record_exact(found.model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
+            pose = found.pose
+            found.exact = record_exact(found.model, pose.qpos, pose.qvel, found.laws, found.steps, act=found.act)
             end = found.exact.end
             if end.how == "diverged":  # what it showed before proves nothing
                 found.exact = None
@@ -287,7 +266,7 @@ def _remedy(found: Examination) -> None:
     elif found.options.budget <= 0:
         found.missing["remedy"] = "it was not asked for"
     elif found.recording is not None:
-        start = Start(found.pose.qpos, found.pose.qvel)
+        start = Start(found.pose.qpos, found.pose.qvel, found.act)
         with _Reason(found, "remedy"):
             found.recipe = recipe(
                 found.model, start, found.laws, found.options.target, found.duration_s, budget_s=found.options.budget

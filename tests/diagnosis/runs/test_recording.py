@@ -7,7 +7,7 @@ from gallery import piece
 from mechanisms import INTEGRATORS, TANGLE, four_bar, relative
 from oarlock import InputError
 from oarlock.diagnosis.loops.layout import Layout
-from oarlock.diagnosis.runs.controls import drive, laws
+from oarlock.mechanics.controls import drive, laws
 from oarlock.diagnosis.runs.exact import record_exact
 from oarlock.diagnosis.runs.recording import record
 from oarlock.diagnosis.runs.row_law import attribute

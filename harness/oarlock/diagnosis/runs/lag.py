@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.walking import walk
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.names import element_name
 
 HALF = 0.5

@@ -14,7 +14,6 @@ from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.beside import Beside, find_beside
-from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.pushes import Push, Pushes
 from oarlock.diagnosis.runs.walking import (
     End,
@@ -25,6 +24,7 @@ from oarlock.diagnosis.runs.walking import (
     walk,
     warnings_of,
 )
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.curvature import Curvature
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.inertia import whiten

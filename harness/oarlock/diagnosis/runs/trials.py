@@ -9,8 +9,8 @@ import numpy as np
 from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
-from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import equalities
