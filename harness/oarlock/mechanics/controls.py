@@ -29,11 +29,19 @@ class Laws(dict[str, str]):
         logs: actuator → the law of a log, which no text holds; its text says where it comes from.
         held: whether a control is held over a step, as the loop of a program does that sets it before ``mj_step``;
             else it follows its law at every stage of the integrator.
+        what: what a message calls an actuator that is unknown.
     """
 
-    def __init__(self, written: Mapping[str, str], *, logs: Mapping[str, TimeLaw] | None = None, held: bool = False):
+    def __init__(
+        self,
+        written: Mapping[str, str],
+        *,
+        logs: Mapping[str, TimeLaw] | None = None,
+        held: bool = False,
+        what: str = "actuator",
+    ):
         super().__init__(written)
-        self.logs, self.held = dict(logs or {}), held
+        self.logs, self.held, self.what = dict(logs or {}), held, what
 
     @property
     def constant(self) -> bool:
@@ -88,15 +96,15 @@ def laws(
     return Laws({name: law for name, law in given.items() if law not in ("0.0", "-0.0")}, held=True)
 
 
-def written_out(given: case_file.Drive) -> Laws:
-    """The laws of a case's drive with the constants written out."""
+def written_out(given: case_file.Drive, what: str = "actuator") -> Laws:
+    """The laws of a case's drive with the constants written out; ``what`` as of ``Laws``."""
     values = given.values()
 
     def written(name: re.Match[str]) -> str:
         return f"({values[name[0]]!r})" if name[0] in values else name[0]
 
     out = {actuator: re.sub(r"\b[A-Za-z_]\w*", written, law) for actuator, law in given.ctrl.items()}
-    return Laws(out, held=given.held)
+    return Laws(out, held=given.held, what=what)
 
 
 def actuators(model: mujoco.MjModel) -> list[str]:
@@ -138,7 +146,7 @@ def drive(model: mujoco.MjModel, by_name: Mapping[str, str], parts: int = 1) -> 
     """
     given = by_name if isinstance(by_name, Laws) else Laws(by_name)
     held_s = parts * float(model.opt.timestep) if given.held else None
-    return Drive.of(model, given.parsed(), held_s)
+    return Drive.of(model, given.parsed(), held_s, given.what)
 
 
 def _random(model: mujoco.MjModel, seed: int) -> dict[str, str]:

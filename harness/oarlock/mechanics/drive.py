@@ -34,14 +34,14 @@ class Drive:
         self._take(model, given.laws(), held_s, f"actuator in [drive] of case '{case.name}'")
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], held_s: float | None) -> Self:
-        """A drive of laws by the names of actuators.
+    def of(cls, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], held_s: float | None, what: str) -> Self:
+        """A drive of laws by the names of actuators, which a message calls ``what``.
 
         Raises:
             InputError: an actuator that the model does not have.
         """
         drive = cls.__new__(cls)
-        drive._take(model, laws, held_s, "actuator")
+        drive._take(model, laws, held_s, what)
         return drive
 
     def _take(self, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], held_s: float | None, what: str) -> None:

@@ -89,7 +89,7 @@ def beginning_of_case(model: mujoco.MjModel, case: Case, asked: Motion = RULE) -
     if asked.drives:
         laws, driven = driven_by(model, asked, key)
     else:
-        laws = controls.written_out(case.file.drive)
+        laws = controls.written_out(case.file.drive, f"actuator in [drive] of case '{case.name}'")
         driven = "the case's own drive" if laws else "no drive" if model.nu else "no actuators"
     found = _from_key(model, key, f"the start of case '{case.name}'", laws, driven)
     _write_named(model, found.qpos, start.qpos, "qpos", case)

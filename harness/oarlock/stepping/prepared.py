@@ -198,7 +198,7 @@ class PreparedCase(Prepared):
             self.start.qpos,
             self.start.qvel,
             steps,
-            act=self.start.act,
+            act=self.begins.act,
             observed=observed,
             trajectory=truth if known else None,
             published=published,

@@ -25,7 +25,6 @@ class ConsistentStart:
     Attributes:
         qpos: positions (nq), with all loops closed.
         qvel: velocities (nv) that obey the constraints.
-        act: activations (na).
         rows: number of equality rows, ne.
         rank: rank of A = J M⁻¹ Jᵀ.
         dof: degrees of freedom, nv − rank.
@@ -33,7 +32,6 @@ class ConsistentStart:
 
     qpos: np.ndarray
     qvel: np.ndarray
-    act: np.ndarray
     rows: int
     rank: int
     dof: int
@@ -100,7 +98,6 @@ def consistent_start(
     return ConsistentStart(
         qpos=data.qpos.copy(),
         qvel=data.qvel.copy(),
-        act=begins.act,
         rows=int(data.ne),
         rank=projector.rank,
         dof=model.nv - projector.rank,
