@@ -220,7 +220,11 @@ MOTOR = '<actuator><motor joint="crank"/></actuator>'
         ({}, "keyframe 'far'", {}),
         ({"keyframe": "home"}, "keyframe 'home'", {"crank_motor": "0.5"}),
         ({"keyframe": "1", "control": {"crank_motor": "0.1*t"}}, "keyframe 'home'", {"crank_motor": "0.1*t"}),
-        ({"keyframe": "none", "control": {"crank_motor": 0.2}}, "the model's own pose, at rest", {"crank_motor": "0.2"}),
+        (
+            {"keyframe": "none", "control": {"crank_motor": 0.2}},
+            "the model's own pose, at rest",
+            {"crank_motor": "0.2"},
+        ),
     ],
 )
 def test_a_case_begins_where_check_begins(tmp_path, monkeypatch, asked, origin, ctrl):
@@ -232,10 +236,13 @@ def test_a_case_begins_where_check_begins(tmp_path, monkeypatch, asked, origin, 
     assert load_case(folder).file.drive.ctrl == ctrl
     setup = setup_of(load_case(folder), "euler")
     model = mujoco.MjModel.from_xml_path(str(path))
-    motion = Motion(**{**asked, "control": {"#0": law for law in asked.get("control", {}).values()}})
+    unnamed = dict(zip(["#0"], asked.get("control", {}).values(), strict=False))
+    motion = Motion(**{**asked, "control": unnamed})
     begins = beginning_of_file(model, motion)
     np.testing.assert_array_equal(setup.begins.qvel, begins.qvel)
-    np.testing.assert_allclose(setup.start.qpos, consistent_start(model, load_case(path), begins=begins).qpos, atol=1e-12)
+    np.testing.assert_allclose(
+        setup.start.qpos, consistent_start(model, load_case(path), begins=begins).qpos, atol=1e-12
+    )
     assert list(setup.begins.laws.values()) == list(begins.laws.values())
 
 
@@ -307,7 +314,9 @@ def test_integrator_that_no_case_can_ask_for_is_named_in_a_comment(tmp_path, mon
     monkeypatch.setattr(survey, "STEPS", 20)
     path = write_model(tmp_path / "m", four_bar().replace("<option", '<option integrator="discrete"'))
     folder, _ = new_model("bar", path, tmp_path)
-    assert 'integrator = "implicitfast" # the model\'s own is discrete' in (folder / "case.toml").read_text(encoding="utf-8")
+    assert 'integrator = "implicitfast" # the model\'s own is discrete' in (folder / "case.toml").read_text(
+        encoding="utf-8"
+    )
     assert load_case(folder).file.run.integrator == "implicitfast"
 
 
