@@ -40,7 +40,7 @@ START_UNCHANGED = 1e-12
 """rad or m: a start that is consistent in sixteen digits is not moved beyond them."""
 
 HELD_ERROR = 1e-9
-"""rad. Runge–Kutta's own error over 0.2 s at 2 ms is 4e-11; half a step with another control makes it 5e-7 (measured)."""
+"""rad. Runge–Kutta's own error over 0.2 s at 2 ms is 4e-11; with another control half-way 5e-7 (measured)."""
 
 # Outside truth.
 
