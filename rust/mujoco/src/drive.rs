@@ -125,7 +125,9 @@ mod tests {
         let law = TimeLaw::parse("t", &BTreeMap::new()).expect("a law");
         let mut drive = Drive::new(vec![(0, law)], Some(0.25));
         assert!(!drive.is_staged());
-        for (time, expected) in [(0.0, 0.0), (0.125, 0.0), (0.25, 0.25), (0.375, 0.25), (0.5 - 1e-9, 0.5 - 1e-9)] {
+        for (time, expected) in
+            [(0.0, 0.0), (0.125, 0.0), (0.25, 0.25), (0.375, 0.25), (0.5 - 1e-9, 0.5 - 1e-9)]
+        {
             state.set_time(time);
             drive.apply(&mut state).expect("finite");
             assert_eq!(state.ctrl_mut()[0].to_bits(), f64::to_bits(expected), "{time}");

@@ -224,9 +224,16 @@ mod tests {
     #[test]
     fn a_log_holds_each_value_until_the_next() {
         let mut log = TimeLaw::sampled("log", &[0.0, 0.1, 0.3], &[1.0, 2.0, 3.0]).unwrap();
-        for (t, expected) in
-            [(-1.0, 1.0), (0.0, 1.0), (0.0998, 1.0), (0.1 - 1e-9, 2.0), (0.1, 2.0), (0.29, 2.0), (0.3, 3.0), (9.0, 3.0)]
-        {
+        for (t, expected) in [
+            (-1.0, 1.0),
+            (0.0, 1.0),
+            (0.0998, 1.0),
+            (0.1 - 1e-9, 2.0),
+            (0.1, 2.0),
+            (0.29, 2.0),
+            (0.3, 3.0),
+            (9.0, 3.0),
+        ] {
             assert_eq!(log.at(t).to_bits(), f64::to_bits(expected), "{t}");
         }
         assert!(!log.is_constant());
@@ -235,7 +242,12 @@ mod tests {
 
     #[test]
     fn a_bad_log_is_refused() {
-        for (times, values) in [(vec![], vec![]), (vec![0.0], vec![]), (vec![0.0, 0.0], vec![1.0; 2]), (vec![0.0], vec![f64::NAN])] {
+        for (times, values) in [
+            (vec![], vec![]),
+            (vec![0.0], vec![]),
+            (vec![0.0, 0.0], vec![1.0; 2]),
+            (vec![0.0], vec![f64::NAN]),
+        ] {
             assert!(TimeLaw::sampled("log", &times, &values).is_err(), "{times:?} {values:?}");
         }
     }
