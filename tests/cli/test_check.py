@@ -14,11 +14,13 @@ from suites import Heard
 
 CHECKED = FIXTURES / "check"
 GRIPPER = CHECKED / "gripper_2f" / "gripper_2f.xml"
+DRIVEN = ("--controls", "random")
+"""Its keyframe has no control."""
 HEADINGS = ["1  The loops", "2  The start", "3  Drift", "4  Why", "5  What would hold it", "6  Forces", "Findings"]
 
 
 def test_a_file_is_told_in_order(oarlock_here):
-    said = oarlock_here("check", GRIPPER)
+    said = oarlock_here("check", GRIPPER, *DRIVEN)
     assert (said.returncode, said.stderr) == (0, "")
     places = [said.stdout.index(heading) for heading in HEADINGS]
     assert places == sorted(places)
@@ -33,13 +35,15 @@ def test_the_front_page_shows_what_is_printed(oarlock_here):
         for line in front.splitlines()
         if line.startswith(("    connect of ", "    mimic ", "    note    D2"))
     ]
-    said = [" ".join(line.split()) for line in oarlock_here("check", GRIPPER, "--budget", "0").stdout.splitlines()]
+    said = [
+        " ".join(line.split()) for line in oarlock_here("check", GRIPPER, *DRIVEN, "--budget", "0").stdout.splitlines()
+    ]
     assert len(shown) == 3
     assert [line for line in shown if line not in said] == []
 
 
 def test_json_is_all_there_is_on_standard_output(oarlock_here):
-    said = oarlock_here("check", GRIPPER, "--json", "-")
+    said = oarlock_here("check", GRIPPER, *DRIVEN, "--json", "-")
     document = json.loads(said.stdout)
     loops = document["loops"]
     assert (loops["rows"], loops["rank"], loops["redundancy"], loops["dof"]) == (7, 5, 2, 1)
@@ -91,7 +95,10 @@ def test_controls_can_be_chosen(oarlock_here):
     name = model.actuator(0).name
     common = ("check", leg, "--budget", "0", "--duration", "0.1", "--json", "-")
     held = json.loads(oarlock_here(*common, "--control", f"{name}=0.1").stdout)
-    assert held["laws"] == {name: "0.1"}
+    kept = dict(zip((model.actuator(index).name for index in range(model.nu)), model.key_ctrl[0].tolist(), strict=True))
+    assert held["laws"] == {**{key: repr(value) for key, value in kept.items() if value}, name: "0.1"}
+    moving = json.loads(oarlock_here(*common, "--control", f"{name}=0.1*sin(t)", "--keyframe", "none").stdout)
+    assert (moving["laws"], moving["begins"]) == ({name: "0.1*sin(t)"}, "the model's own pose, at rest")
     first, second = (
         json.loads(oarlock_here(*common, "--controls", "random", "--seed", seed).stdout) for seed in (1, 2)
     )

@@ -8,6 +8,7 @@ import typer
 
 from oarlock.base.errors import InputError
 from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, emit_json, ends, say
+from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
 from oarlock.diagnosis.checked import begun, judged, parts
 from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
 
@@ -19,14 +20,10 @@ if TYPE_CHECKING:
 @ends()
 def check(
     file: Annotated[str, typer.Argument(metavar="FILE.xml", help="MJCF with loops closed by equalities, or a MODEL.")],
-    keyframe: Annotated[str | None, typer.Option(metavar="NAME", help="Start here [default: the first].")] = None,
-    controls: Annotated[
-        str | None, typer.Option(metavar="KIND", help="keyframe, constant or random (smooth) [default: what fits].")
-    ] = None,
-    control: Annotated[
-        list[str] | None, typer.Option(metavar="ACTUATOR=VALUE", help="A constant control; may be repeated.")
-    ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", help="Of random controls.")] = 0,
+    keyframe: KeyframeOption = None,
+    controls: ControlsOption = None,
+    control: ControlOption = None,
+    seed: SeedOption = 0,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Of the run [default: 2 s].")] = None,
     timestep: Annotated[float | None, typer.Option(metavar="S", help="In place of the model's.")] = None,
     integrator: Annotated[str | None, typer.Option(metavar="NAME", help="In place of the model's.")] = None,
@@ -70,7 +67,7 @@ def check(
     options = CheckOptions(
         keyframe=keyframe,
         controls=controls,
-        control=_constants(control or []),
+        control=given_controls(control),
         seed=seed,
         duration=duration,
         timestep=timestep,
@@ -114,19 +111,6 @@ def _require_alone(others: Mapping[str, object]) -> None:
     for flag, value in others.items():
         if value is not None:
             raise InputError(f"{flag} with --lint, expected one of the two: it shows a run")
-
-
-def _constants(given: Sequence[str]) -> dict[str, float]:
-    found = {}
-    for text in given:
-        name, sign, value = text.rpartition("=")
-        try:
-            found[name] = float(value)
-        except ValueError:
-            sign = ""
-        if not sign or not name:
-            raise InputError(f"--control {text}, expected ACTUATOR=VALUE with a number")
-    return found
 
 
 def _print_part(part: str, exam: "Examination") -> None:

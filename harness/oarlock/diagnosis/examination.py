@@ -1,7 +1,7 @@
 """An examination: one model looked at from its loops to what would hold them, each part as soon as it is there."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
@@ -21,7 +21,6 @@ from oarlock.diagnosis.loops.stops import Stops, find_stops
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
 from oarlock.diagnosis.options import CheckOptions, usual_target
-from oarlock.diagnosis.runs import controls
 from oarlock.diagnosis.runs.branch import Branch, find_branch
 from oarlock.diagnosis.runs.deadpoint import TORN, DeadPoint, find_dead_point
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
@@ -42,6 +41,7 @@ from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import load_mechanism, set_integrator
+from oarlock.stepping.beginning import Beginning, beginning_of_case, beginning_of_file
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.start import consistent_start
 
@@ -68,7 +68,7 @@ class Examination:
     Attributes:
         file: as it was given; path: of the MJCF.
         model: the user's, with nothing changed.
-        qpos, qvel: the user's start, (nq) and (nv).
+        qpos, qvel, act: the user's start, (nq), (nv) and (na).
         begins: where that start comes from, in words.
         laws: actuator → control as a law of time; driven: the same in words.
         own_s: how long the case's own run takes, s; None of a file.
@@ -107,6 +107,7 @@ class Examination:
     driven: str
     own_s: float | None
     options: CheckOptions
+    act: np.ndarray = field(default_factory=lambda: np.zeros(0))
     steps: int = 0
     ignored: str = ""
     remarks: dict[str, list[Remark]] = field(default_factory=dict)
@@ -175,66 +176,43 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
 
 def _of_file(path: Path, options: CheckOptions) -> Examination:
     model = load_model(path)
-    data = mujoco.MjData(model)
-    begins = "the model's own pose, at rest"
-    if model.nkey or options.keyframe is not None:
-        wanted = options.keyframe
-        key = controls.keyframe(model, int(wanted) if wanted is not None and wanted.isdigit() else wanted)
-        mujoco.mj_resetDataKeyframe(model, data, key)
-        for body in range(model.nbody):  # every data that is made of the model then has them there
-            if (mocap := int(model.body_mocapid[body])) >= 0:
-                model.body_pos[body], model.body_quat[body] = data.mocap_pos[mocap], data.mocap_quat[mocap]
-        begins = f"keyframe '{model.key(key).name or f'#{key}'}'"
-    kind, laws = _driven(model, options)
-    return Examination(str(path), path, model, data.qpos.copy(), data.qvel.copy(), begins, laws, kind, None, options)
-
-
-def _driven(model: mujoco.MjModel, options: CheckOptions) -> tuple[str, dict[str, str]]:
-    """The controls in words, and as laws."""
-    if model.nu == 0:
-        return "no actuators", {}
-    kind = options.controls or ("constant" if options.control else "keyframe" if _keeps(model, options) else "random")
-    laws = controls.laws(
-        model, choose("kind of controls", kind, controls.KINDS), options.keyframe, options.seed, options.control
-    )
-    words = {
-        "keyframe": "the keyframe's controls, held",
-        "constant": "constant controls",
-        "random": f"a random smooth control of every actuator (seed {options.seed})",
-    }
-    return words[kind], laws
-
-
-def _keeps(model: mujoco.MjModel, options: CheckOptions) -> bool:
-    """Whether there is a keyframe that says what the controls are."""
-    return bool(model.nkey) and bool(model.key_ctrl[controls.keyframe(model, options.keyframe)].any())
+    return _begun(str(path), path, model, beginning_of_file(model, options.motion), options)
 
 
 def _of_case(name: str, options: CheckOptions) -> Examination:
     case = load_case(name)
     run = case.file.run
     model = load_mechanism(case, integrator=run.integrator)
-    start = consistent_start(model, case)
-    kind, laws = "the case's own drive", controls.written_out(case.file.drive)
-    if options.controls or options.control:
-        kind, laws = _driven(model, options)
-    elif not laws:
-        kind = "no drive" if model.nu else "no actuators"
+    begins = beginning_of_case(model, case, options.motion)
+    start = consistent_start(model, case, begins=begins)
+    begins = replace(begins, qpos=start.qpos, qvel=start.qvel)
     ignoring = run.ignore_inequalities and not options.ignore_inequalities
     ignored = ignore_inequalities(model) if ignoring else ""
-    begins = f"the start of case '{case.name}'"
+    return _begun(name, case.model_path, model, begins, options, run.duration_s, ignored)
+
+
+def _begun(
+    file: str,
+    path: Path,
+    model: mujoco.MjModel,
+    begins: Beginning,
+    options: CheckOptions,
+    own_s: float | None = None,
+    ignored: str = "",
+) -> Examination:
     return Examination(
-        name,
-        case.model_path,
+        file,
+        path,
         model,
-        start.qpos,
-        start.qvel,
-        begins,
-        laws,
-        kind,
-        run.duration_s,
+        begins.qpos,
+        begins.qvel,
+        begins.begins,
+        begins.laws,
+        begins.driven,
+        own_s,
         options,
-        ignored=ignored or "",
+        act=begins.act,
+        ignored=ignored,
     )
 
 
@@ -293,7 +271,7 @@ def _collisions(found: Examination) -> None:
     every = [*found.collisions, *collision.later(view, recording.pushes, found.collisions)]
     if every:
         pairs = {one.bodies for one in every}
-        without = drifts_without(recording, found.qpos, found.qvel, found.laws, pairs)
+        without = drifts_without(recording, pairs)
         found.collisions = collision.measured(every, found.drifts, without)
         found.remarks["collision"] = list(collision.tell(found.collisions))
 
@@ -302,18 +280,18 @@ def _data(found: Examination) -> mujoco.MjData:
     """The start, with flexes let go: their rows are not looked at."""
     data = mujoco.MjData(found.model)
     data.eq_active[flex_equalities(found.model)] = 0
-    data.qpos[:], data.qvel[:] = found.qpos, found.qvel
+    data.qpos[:], data.qvel[:], data.act[:] = found.qpos, found.qvel, found.act
     return data
 
 
 def _run(found: Examination) -> None:
     assert found.pose is not None
     with _Reason(found, "run"):
-        found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps)
+        found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps, act=found.act)
     if found.closed:
         with _Reason(found, "exact"):
-            model = _exact_model(found)
-            found.exact = record_exact(model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
+            model, pose = _exact_model(found), found.pose
+            found.exact = record_exact(model, pose.qpos, pose.qvel, found.laws, found.steps, act=found.act)
             end = found.exact.end
             if end.how == "diverged":  # what it showed before proves nothing
                 found.exact = None
@@ -329,7 +307,7 @@ def _run(found: Examination) -> None:
         found.drifts = find_drifts(found.recording, found.exact)
         with _Reason(found, "collisions"):
             _collisions(found)
-        found.lags = find_lags(found.recording, found.qpos, found.qvel, found.laws, VISIBLE)
+        found.lags = find_lags(found.recording, VISIBLE)
         found.pace = find_pace(found.recording, found.exact)
         if found.closed and found.recording.steps:
             loops = found.pose.loops
@@ -375,11 +353,11 @@ def _taken_away(found: Examination, attribution: Attribution) -> None:
         return
     drifting = {one.equality for one in found.drifts if one.level == "position" and one.largest > found.target}
     if any(one.leading == "stepping" and one.name in drifting for one in attribution.shares):
-        found.without = find_without(recording, found.qpos, found.qvel, found.laws)
+        found.without = find_without(recording)
     opened = {one.equality for one in found.pose.openings if one.largest > CONSISTENT}
     if opened and found.closed:
         least = max(found.target, VISIBLE)
-        found.lasting = find_lasting(attribution, opened, least, found.qpos, found.qvel, found.laws)
+        found.lasting = find_lasting(attribution, opened, least)
 
 
 def _remedy(found: Examination) -> None:
@@ -388,7 +366,7 @@ def _remedy(found: Examination) -> None:
     elif found.options.budget <= 0:
         found.missing["remedy"] = "it was not asked for"
     elif found.recording is not None:
-        start = Start(found.pose.qpos, found.pose.qvel)
+        start = Start(found.pose.qpos, found.pose.qvel, found.act)
         with _Reason(found, "remedy"):
             found.recipe = recipe(
                 found.model, start, found.laws, found.target, found.duration_s, budget_s=found.options.budget

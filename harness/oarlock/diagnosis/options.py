@@ -3,14 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
 
 from oarlock.base.arguments import require_number
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.integrators import RUNNING
-
-Controls = Literal["keyframe", "constant", "random"]
-"""Where the controls of a run come from."""
+from oarlock.cases.motion import Motion
 
 TARGET = 1e-4
 """Wanted drift unless it is asked for, of the size of the loops: a tenth of a millimetre of a robot of a metre, which
@@ -29,9 +26,11 @@ class CheckOptions:
     """What may be asked of a check besides the file; what is left out is chosen, and told.
 
     Attributes:
-        keyframe: name or number of the keyframe to start from; None: the first one, or the model's own pose.
-        controls: ``keyframe``, ``constant`` or ``random``; chosen by what the model has if left out.
-        control: actuator → constant control.
+        keyframe: name or number of the keyframe to start from, ``none`` for the model's own pose; left out: the first
+            one, or the model's own pose where there is none.
+        controls: ``keyframe``, ``constant``, ``random``, or a log ``FILE.csv`` or ``FILE.npz``; left out: those of the
+            keyframe where the run starts from one, else random.
+        control: actuator → control, a number or a law of the time t in s.
         seed: of random controls.
         duration: of the run, s.
         timestep: in place of the model's, s.
@@ -51,7 +50,7 @@ class CheckOptions:
 
     keyframe: str | None = None
     controls: str | None = None
-    control: Mapping[str, float] = field(default_factory=dict)
+    control: Mapping[str, float | str] = field(default_factory=dict)
     seed: int = 0
     duration: float | None = None
     timestep: float | None = None
@@ -66,16 +65,18 @@ class CheckOptions:
     def __post_init__(self):
         for name, unit in (("duration", "s"), ("timestep", "s"), ("target", "")):
             require_number(name, getattr(self, name), unit=unit, positive=True)
-        for name in ("budget", "fail_above", "seed"):
+        for name in ("budget", "fail_above"):
             require_number(name, getattr(self, name))
-        if not isinstance(self.seed, int):
-            raise InputError(f"seed = {self.seed!r}, expected a whole number ≥ 0")
         if self.integrator is not None:
             choose("integrator", self.integrator, RUNNING)
         if isinstance(self.hold, str):
             raise InputError(f"hold = {self.hold!r}, expected a list of joints")
-        if self.controls is not None:
-            choose("kind of controls", self.controls, get_args(Controls))
+        _ = self.motion
+
+    @property
+    def motion(self) -> Motion:
+        """Where the run starts and what drives it."""
+        return Motion(self.keyframe, self.controls, self.control, self.seed)
 
 
 def usual_target(size: float) -> float:

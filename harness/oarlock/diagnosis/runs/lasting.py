@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.gaps import Opening, opening
-from oarlock.diagnosis.runs.controls import drive
+from oarlock.mechanics.controls import drive
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.row_law import CAUSES, Attribution
 from oarlock.diagnosis.runs.walking import walk
@@ -58,9 +58,6 @@ def find_lasting(
     attribution: Attribution,
     open_at_start: set[str],
     least: float,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    laws: dict[str, str],
 ) -> list[Lasting]:
     """Looks at the equalities that were open at the start.
 
@@ -68,9 +65,6 @@ def find_lasting(
         attribution: of MuJoCo's run from there.
         open_at_start: names of those equalities.
         least: deviations below it are not worth a word, m or rad.
-        qpos: the start, (nq).
-        qvel: the start, (nv).
-        laws: the controls.
     """
     recording, found = attribution.recording, []
     window = slice(recording.steps - max(1, recording.steps // PARTS), None)
@@ -91,7 +85,7 @@ def find_lasting(
         shares[start] = -np.inf
         leading = int(shares.argmax())
         one = Lasting(equality.name, left, CAUSES[leading], min(1.0, float(shares[leading])))
-        found.append(_tried(one, attribution, equality, median, qpos, qvel, laws))
+        found.append(_tried(one, attribution, equality, median))
     return found
 
 
@@ -100,9 +94,6 @@ def _tried(
     attribution: Attribution,
     equality: Equality,
     median: np.ndarray,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    laws: dict[str, str],
 ) -> Lasting:
     """With the attribute that takes most of it away, if there is one: it is tried."""
     recording = attribution.recording
@@ -112,12 +103,12 @@ def _tried(
     if equality.kind.turns and (one.left.radians or 0.0) >= (one.left.metres or 0.0):
         data[_TORQUESCALE] *= TORQUESCALE
         attribute, value = "torquescale", f"{data[_TORQUESCALE]:g}"
-        last = _rerun(model, recording, equality, qpos, qvel, laws)
+        last = _rerun(model, recording, equality)
     elif not equality.kind.joins_points:
         given, last = float(data[_OFFSET]), median
         for _ in range(OFFSETS):
             data[_OFFSET] -= last[0]
-            again = _rerun(model, recording, equality, qpos, qvel, laws)
+            again = _rerun(model, recording, equality)
             if again is None:
                 return one
             last = again + data[_OFFSET] - given
@@ -134,17 +125,13 @@ def _rerun(
     model: mujoco.MjModel,
     recording: Recording,
     equality: Equality,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    laws: dict[str, str],
 ) -> np.ndarray | None:
     """Median rows of an equality over the last part of the same run of a changed model; None if it does not last."""
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data = recording.restart(model)
     kept = np.zeros((recording.steps, equality.rows))
     taken = 0
     with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(model, data, drive(model, laws), recording.steps):
+        for step in walk(model, data, drive(model, recording.laws), recording.steps):
             own = data.efc_pos[: data.ne][data.efc_id[: data.ne] == equality.index]
             kept[step, : len(own)] = own
             taken = step + 1

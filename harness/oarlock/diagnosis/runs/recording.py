@@ -14,7 +14,6 @@ from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.beside import Beside, find_beside
-from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.pushes import Push, Pushes
 from oarlock.diagnosis.runs.walking import (
     End,
@@ -25,8 +24,8 @@ from oarlock.diagnosis.runs.walking import (
     walk,
     warnings_of,
 )
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.curvature import Curvature
-from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import integrator_of
@@ -66,6 +65,7 @@ class Recording:
         other_power: power of everything but loops, gravity and springs, W, (steps): drives, dampers, contacts, limits.
         iterations: of the constraint solver, over all islands.
         others: active rows that are not equalities'.
+        act: activations at the start, (na); laws: actuator → law of time.
         pushes: what each limit, friction loss and contact did.
         beside: equalities whose reactions those leave open, at the last state in which any pushed.
         warnings: MuJoCo's own, with how often they came.
@@ -99,6 +99,8 @@ class Recording:
     other_power: np.ndarray
     iterations: np.ndarray
     others: np.ndarray
+    act: np.ndarray
+    laws: dict[str, str]
     pushes: tuple[Push, ...]
     beside: tuple[Beside, ...]
     warnings: dict[str, int]
@@ -113,6 +115,12 @@ class Recording:
     def steps(self) -> int:
         """Steps that were recorded."""
         return len(self.time)
+
+    def restart(self, model: mujoco.MjModel) -> mujoco.MjData:
+        """A data of another copy of the model where this run started."""
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.act[:] = self.qpos[0], self.qvel[0], self.act
+        return data
 
     @cached_property
     def drift(self) -> np.ndarray:
@@ -196,7 +204,7 @@ def record(
     data.qpos[:], data.qvel[:] = qpos, qvel
     if act is not None:
         data.act[:] = act
-    return _Recorder(own, data, steps).run(drive(own, laws))
+    return _Recorder(own, data, steps).run(laws)
 
 
 class _Recorder:
@@ -216,6 +224,7 @@ class _Recorder:
         self._coordinates = np.zeros((steps, model.nq))
         self._qvel, self._qacc, self._free = np.zeros((3, steps, nv))
         self._ctrl = np.zeros((steps, model.nu))
+        self._act = data.act.copy()
         self._columns = RowColumns(self._layout)
         self._block = max(1, min(steps, BLOCK_BYTES // (8 * rows * max(rows, nv))))
         self._whitened = np.zeros((self._block, rows, nv))
@@ -228,11 +237,12 @@ class _Recorder:
         self._solved = 0
         self._pushes = Pushes(model)
 
-    def run(self, drive: Drive) -> Recording:
+    def run(self, laws: dict[str, str]) -> Recording:
         model, data = self._model, self._data
+        driven = drive(model, laws)
         taken = 0
         with np.errstate(all="ignore"), collected_warnings():  # of a run that diverges
-            for step in walk(model, data, drive, self._steps):
+            for step in walk(model, data, driven, self._steps):
                 self._take(step)
                 taken = step + 1
                 if taken - self._solved == self._block:
@@ -262,6 +272,8 @@ class _Recorder:
             other_power=self._power[:taken],
             iterations=self._iterations[:taken],
             others=self._others[:taken],
+            act=self._act,
+            laws=laws,
             pushes=self._pushes.found,
             beside=find_beside(model, data) if end.how == "finished" else (),
             warnings=warnings_of(data),

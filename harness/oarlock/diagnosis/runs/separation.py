@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.layout import RowColumns
-from oarlock.diagnosis.runs.controls import drive
+from oarlock.mechanics.controls import drive
 from oarlock.diagnosis.runs.drifts import Drift, drift_of
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.walking import own_copy, walk
@@ -61,16 +61,11 @@ def separated(model: mujoco.MjModel, pairs: set[Pair]) -> mujoco.MjModel | None:
     return own
 
 
-def drifts_without(
-    recording: Recording, qpos: np.ndarray, qvel: np.ndarray, laws: dict[str, str], pairs: set[Pair]
-) -> dict[str, Drift]:
+def drifts_without(recording: Recording, pairs: set[Pair]) -> dict[str, Drift]:
     """How far each equality opens in the same run without the contacts of some pairs of bodies.
 
     Args:
         recording: MuJoCo's run as configured.
-        qpos: its start, (nq).
-        qvel: its start, (nv).
-        laws: its controls.
         pairs: of bodies, by their numbers.
 
     Returns:
@@ -79,13 +74,12 @@ def drifts_without(
     model = separated(recording.model, pairs)
     if model is None:
         return {}
-    data, layout = mujoco.MjData(model), recording.layout
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data, layout = recording.restart(model), recording.layout
     columns, steps = RowColumns(layout), len(recording.time)
     position = np.zeros((steps, layout.rows))
     taken = 0
     with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(model, data, drive(model, laws), steps):
+        for step in walk(model, data, drive(model, recording.laws), steps):
             position[step, columns.of(data)] = data.efc_pos[: data.ne]
             taken = step + 1
     if not taken or taken < steps:

@@ -9,9 +9,9 @@ import numpy as np
 from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
-from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.flexes import without_flexes
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings

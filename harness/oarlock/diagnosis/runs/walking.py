@@ -61,7 +61,7 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
     if drive is not None:
         drive.apply(data)
     with nullcontext() if drive is None or constant else drive.installed():
-        for step in walkers.walk(MujocoWalker(model, data), steps):
+        for step in walkers.walk(MujocoWalker(model, data, drive), steps):
             if not bounded(data.qacc, data.qvel, data.qpos):
                 return
             yield step

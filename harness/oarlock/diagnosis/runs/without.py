@@ -17,7 +17,7 @@ import numpy as np
 
 from oarlock.diagnosis.loops.gaps import Opening, opening
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
-from oarlock.diagnosis.runs.controls import drive
+from oarlock.mechanics.controls import drive
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import stability
 from oarlock.diagnosis.runs.walking import walk
@@ -54,20 +54,17 @@ class Without:
         return min(1.0, max(0.0, 1.0 - self.left[equality].largest / given))
 
 
-def find_without(recording: Recording, qpos: np.ndarray, qvel: np.ndarray, laws: dict[str, str]) -> list[Without]:
+def find_without(recording: Recording) -> list[Without]:
     """Takes time stepping away, and the implicit part of it where there is one.
 
     Args:
         recording: MuJoCo's run as configured.
-        qpos: its start, (nq).
-        qvel: its start, (nv).
-        laws: its controls.
     """
     found = []
     if PARTS * recording.steps <= MOST_STEPS:
-        found.append(_without("stepping", recording, qpos, qvel, laws, PARTS, _finer))
+        found.append(_without("stepping", recording, PARTS, _finer))
     if implicit(recording.model, recording.integrator):
-        found.append(_without("implicit", recording, qpos, qvel, laws, 1, _explicit))
+        found.append(_without("implicit", recording, 1, _explicit))
     return found
 
 
@@ -93,20 +90,16 @@ def _explicit(model: mujoco.MjModel) -> None:
 def _without(
     cause: Cause,
     recording: Recording,
-    qpos: np.ndarray,
-    qvel: np.ndarray,
-    laws: dict[str, str],
     parts: int,
     change: Callable[[mujoco.MjModel], None],
 ) -> Without:
     model = copy.deepcopy(recording.model)
     change(model)
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data = recording.restart(model)
     layout, taken = recording.layout, 0
     columns, position = RowColumns(layout), np.zeros((recording.steps, layout.rows))
     with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(model, data, drive(model, laws), parts * recording.steps):
+        for step in walk(model, data, drive(model, recording.laws), parts * recording.steps):
             if step % parts == 0:
                 position[step // parts, columns.of(data)] = data.efc_pos[columns.rows(data)]
             taken = step + 1
