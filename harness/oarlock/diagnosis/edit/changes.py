@@ -7,7 +7,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError, few
+from oarlock.base.errors import InputError
 from oarlock.base.numbers import exact
 from oarlock.cases.equality_kinds import KIND_OF
 from oarlock.diagnosis.edit.document import Document, Place
@@ -29,7 +29,9 @@ class Change(Protocol):
     """
 
     @property
-    def fields(self) -> tuple[str, ...]: ...
+    def fields(self) -> tuple[str, ...]:
+        """See above."""
+        ...
 
     def edit(self, editors: Mapping[Document, Editor], document: Document, model: mujoco.MjModel) -> None:
         """Writes it into the text of a model.
@@ -67,7 +69,7 @@ class Settings:
     def edit(self, editors: Mapping[Document, Editor], document: Document, model: mujoco.MjModel) -> None:
         """Changes options that the model has otherwise, where they stand last, and all equalities."""
         authored = Setting.authored(model).option_attributes()
-        options = {name: value for name, value in self.setting.option_attributes().items() if authored[name] != value}
+        options = {name: value for name, value in self.setting.option_attributes().items() if authored.get(name) != value}
         for name, value in options.items():
             sections = document.sections("option")
             own = [place for place in sections if place.file is document.main]
@@ -254,7 +256,3 @@ def numbers(values: np.ndarray) -> str:
     """Numbers with all their digits."""
     return " ".join(map(exact, np.asarray(values, dtype=float).tolist()))
 
-
-def named(changes: Sequence[Change]) -> str:
-    """What the changes are, in a word each."""
-    return few([type(one).__name__.lower() for one in changes])

@@ -63,6 +63,16 @@ def write_changed(source: Path, out: Path, changes: Sequence[Change]) -> list[Pa
     return [*beside, out]
 
 
+def require_room(source: Path, change: Change) -> None:
+    """Checks that the text of a model has a place for a change, without writing it.
+
+    Raises:
+        InputError: it has none.
+    """
+    document = Document(source)
+    change.edit({one: Editor(one) for one in _documents(document)}, document, load_model(source))
+
+
 def _documents(document: Document) -> Iterator[Document]:
     yield document
     for child in document.attached.values():

@@ -50,3 +50,16 @@ def write_keyframe(
 def new_name(model: mujoco.MjModel) -> str:
     """A name for a keyframe that the model has none of."""
     return free_name(KEYFRAME, {element_name(model, mujoco.mjtObj.mjOBJ_KEY, key) for key in range(model.nkey)})
+
+
+def source_key(model: mujoco.MjModel, wanted: str | None) -> int | None:
+    """Number of the keyframe that a run starts from, given by its name or number, ``none``, or None for the first one.
+
+    None where the run starts from none.
+    """
+    if wanted is None:
+        return 0 if model.nkey else None
+    if (index := mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, wanted)) >= 0:
+        return index
+    number = wanted.removeprefix("#")
+    return int(number) if number.isdigit() else None

@@ -25,7 +25,7 @@ _SKIPPED = ((b"<!--", b"-->"), (b"<![CDATA[", b"]]>"), (b"<?", b"?>"), (b"<!", b
 
 @dataclass(frozen=True)
 class Attribute:
-    """An attribute as it is written: ``text`` is its value; that stands on the bytes ``start`` to ``end``, in quotes."""
+    """An attribute: ``text`` is its value, which is written on the bytes ``start`` to ``end``, in quotes."""
 
     name: str
     text: str
@@ -64,7 +64,7 @@ class Element:
 
     def within(self) -> Iterator["Element"]:
         """Itself and all in it, in the order of the file."""
-        left = [self]
+        left: list[Element] = [self]
         while left:
             one = left.pop()
             yield one
