@@ -56,8 +56,10 @@ def check(
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Why do the loops of a model come apart, and what would hold them? Status 1: --fail-above was exceeded, or a file
-    that was asked for does not hold the target."""
+    """Why do the loops of a model come apart, and what would hold them?
+
+    Status 1: --fail-above was exceeded, or a file that was asked for does not hold the target.
+    """
     printing = as_json != "-"
     options = CheckOptions(
         keyframe=keyframe,

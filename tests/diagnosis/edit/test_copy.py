@@ -52,7 +52,8 @@ NASTY = """<?xml version="1.0" encoding="utf-8"?>
 			<joint	name="c" axis="0 1 0"
 				damping="0.1"	/>
 			<geom fromto="0 0 0 -.1 0 .2" size=".01"/>
-			<body name="rod" pos="-.1 0 .2"><joint name="d" axis="0 1 0"/><geom fromto="0 0 0 -.2 0 0" size=".01"/></body>
+			<body name="rod" pos="-.1 0 .2"><joint name="d" axis="0 1 0"/><geom fromto="0 0 0 -.2 0 0" size=".01"/>
+			</body>
 		</body>
 	</worldbody>
 	<!-- <equality><weld body1="nobody"/></equality> -->
@@ -141,10 +142,13 @@ def test_a_new_keyframe_has_all_but_the_pose_of_another(tmp_path):
 
 
 STATE = """<mujoco><option timestep="0.001"/><worldbody>
-<body name="m" mocap="true" pos="0 0 1"/><body name="b"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body>
+<body name="m" mocap="true" pos="0 0 1"/>
+<body name="b"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body>
 </worldbody><equality><connect body1="b" body2="m" anchor="0 0 1"/></equality>
 <actuator><general joint="j" dyntype="integrator" ctrlrange="-1 1"/></actuator>
-<keyframe><key name="k" time="2" qpos="0.5" ctrl="0.125" act="0.3" mpos="0.1 0.2 0.3" mquat="0 1 0 0"/></keyframe></mujoco>"""
+<keyframe>
+<key name="k" time="2" qpos="0.5" ctrl="0.125" act="0.3" mpos="0.1 0.2 0.3" mquat="0 1 0 0"/>
+</keyframe></mujoco>"""
 
 
 def test_the_state_of_a_keyframe_stays_in_a_file_of_one_line(tmp_path):

@@ -6,7 +6,8 @@ from oarlock.diagnosis.edit.markup import escaped, parse
 
 TEXT = (
     b"\xef\xbb\xbf<?xml version='1.0'?>\r\n<!DOCTYPE mujoco>\r\n<!-- -- <equality> -- -->\r\n"
-    b"< mujoco model = 'a&amp;b'>\r\n\t<![CDATA[<equality/>]]>\r\n\t<option\ttimestep=\"1e-3\"\r\n\t\tgravity='0 0 &#45;1'/>"
+    b"< mujoco model = 'a&amp;b'>\r\n\t<![CDATA[<equality/>]]>\r\n"
+    b"\t<option\ttimestep=\"1e-3\"\r\n\t\tgravity='0 0 &#45;1'/>"
     b'\r\n\t<body name="\xc3\xa4 > &lt;\'&quot;"></body  ></mujoco  >\r\n<a/>'
 )
 

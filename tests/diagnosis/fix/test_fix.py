@@ -62,7 +62,12 @@ class Collision:
 # What changed.
 
 SETTINGS = r"timestep|integrator|solver|iterations|tolerance|ls_iterations|ls_tolerance"
-STRIPPED = {"option": SETTINGS, "connect|weld|joint|tendon": "solref|solimp|polycoef", "key": "qpos|qvel", "body": "name"}
+STRIPPED = {
+    "option": SETTINGS,
+    "connect|weld|joint|tendon": "solref|solimp|polycoef",
+    "key": "qpos|qvel",
+    "body": "name",
+}
 ADDED = re.compile(r"\s*</?(exclude|key|contact|keyframe|option|compiler)\b[^<]*>\s*")
 
 
@@ -70,7 +75,9 @@ def stripped(line: str) -> str:
     """A line without the attributes that a fix may change."""
     for tags, names in STRIPPED.items():
         line = re.sub(
-            rf"<({tags})\b[^>]*>", lambda tag, names=names: re.sub(rf"""\s*\b({names})=("[^"]*"|'[^']*')""", "", tag[0]), line
+            rf"<({tags})\b[^>]*>",
+            lambda tag, names=names: re.sub(rf"""\s*\b({names})=("[^"]*"|'[^']*')""", "", tag[0]),
+            line,
         )
     return re.sub(r"\s+(/?>)", r"\1", line)
 
@@ -140,10 +147,11 @@ def test_a_start_that_is_no_keyframe_becomes_the_first_one(tmp_path):
 
 def test_bodies_that_collide_at_their_pin_are_excluded(tmp_path):
     text = SERVO.replace(' contype="0" conaffinity="0"', "").replace("0.4 -0.1 0.1", "0 0 0").replace('ctrl="0.4"', "")
+    text = text.replace("0 0 0 0.5 0 0.2", "0 0 0 0.5 0 0.23")  # the pin is beside the middle of the coupler's end
     source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
     source.write_text(text)
     pins = (Collision("coupler", "rocker", "pin", 0.04), Collision("rocker", "coupler", "pin", 0.04))
-    fix, _ = fixed(source, out, pins, duration=0.5, target=1e-3, keyframe="home")
+    fix, _ = fixed(source, out, pins, duration=0.5, target=1e-3, controls="keyframe")
     assert fix.reached, fix.reason
     assert [one.what for one in fix.changes] == [
         "no contacts of 'coupler' and 'rocker', which 'pin' joins and which collide by 40 mm"
@@ -151,13 +159,13 @@ def test_bodies_that_collide_at_their_pin_are_excluded(tmp_path):
     exclude = '  <contact>\n    <exclude body1="coupler" body2="rocker"/>\n  </contact>\n'
     assert out.read_text() == text.replace("</mujoco>", exclude + "</mujoco>")
     assert drift(source, 0.5, key=0) > 5 * drift(out, 0.5, key=0)
-    assert fix.changes[0].drift == pytest.approx(drift(source, 0.5, key=0), rel=1e-9)
+    assert fix.changes[0].without.drift == pytest.approx(drift(source, 0.5, key=0), rel=1e-9)
 
 
 def test_what_does_not_help_is_left_out(tmp_path):
     source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
     source.write_text(SERVO.replace("0.4 -0.1 0.1", "0 0 0"))
-    fix, _ = fixed(source, out, duration=0.5, target=1e-3, keyframe="home")
+    fix, _ = fixed(source, out, duration=0.5, target=1e-3, controls="keyframe")
     assert fix.changes == ()
     assert fix.reached
     assert out.read_bytes() == source.read_bytes()
@@ -171,10 +179,10 @@ def test_a_target_out_of_reach_still_gives_the_best_file(tmp_path):
       <equality><joint joint1="a" joint2="b" polycoef="0 1 0.4 0 0"/></equality></mujoco>"""
     source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
     source.write_text(gear)
-    fix, _ = fixed(source, out, duration=0.2, target=1e-14)
+    fix, _ = fixed(source, out, duration=0.1, target=1e-14, budget=0.5)
     assert not fix.reached
-    assert fix.reason.startswith("'b'") or "opens by" in fix.reason
-    assert 1e-14 < drift(out, 0.2) < 0.1 * drift(source, 0.2)
+    assert "opens by" in fix.reason
+    assert 1e-14 < drift(out, 0.1) < 0.1 * drift(source, 0.1)
     assert_only_fixes(source, out)
 
 
@@ -218,18 +226,19 @@ def test_the_command_writes_the_file_and_says_what_changed(oarlock_here):
 @pytest.mark.parametrize("flag", ["--fix", "--write-tuned"])
 def test_a_target_out_of_reach_costs_nothing_else(oarlock_here, flag):
     said = oarlock_here(
-        "check", CHECKED / "diverges.xml", "--target", "1e-15", flag, "out.xml", "--report", "page", "--json", "out.json"
+        *("check", CHECKED / "diverges.xml", "--target", "1e-15", "--budget", "0.3", "--duration", "0.1"),
+        *(flag, "out.xml", "--report", "page", "--json", "out.json"),
     )
     assert said.returncode == 1
     assert "warning: out.xml" in said.stderr
     assert Path("out.xml").is_file()
-    assert Path("page", "index.html").is_file() or any(Path("page").glob("*.html"))
-    assert json.loads(Path("out.json").read_text())["recipe"]["outcome"] == "not-reached"
+    assert any(Path("page").glob("*.html"))
+    assert json.loads(Path("out.json").read_text())["recipe"]["outcome"] in ("not-reached", "undecided")
 
 
 # All that there are.
 
-QUICK = ["damped_gripper.xml", "gripper_2f/scene.xml", "tilted_hinge.xml"]
+QUICK = ["damped_gripper.xml", "tilted_hinge.xml"]
 FILES = sorted(path.relative_to(CHECKED).as_posix() for path in CHECKED.rglob("*.xml"))
 PARTS = {"gripper_2f/defaults.xml", "biped_leg/common.xml", "none.xml"}
 SLOW = [name for name in FILES if name not in PARTS and name not in QUICK]
@@ -245,10 +254,10 @@ GALLERY = sorted(path.parent.name for path in MODELS.glob("*/model.xml"))
     ],
 )
 def test_a_fixed_file_is_what_it_says(source, tmp_path):
-    """Contacts, limits and friction act. The target is held, or a sentence says why not; no claim is broken silently."""
+    """Contacts, limits and friction act. The target is held, or a sentence says why not."""
     out = tmp_path / "fixed.xml"
     fix, exam = fixed(source, out)
-    assert fix.after.drift <= exam.options.target or fix.reason
+    assert fix.after.drift <= fix.target or fix.reason
     assert not (fix.before.drift < fix.after.drift)
     places = {out.name: source, **{path.name: source.parent / path.name[6:] for path in fix.written[:-1]}}
     for path in fix.written:
@@ -263,6 +272,8 @@ def test_a_fixed_file_is_what_it_says(source, tmp_path):
     found = {one.code for one in again.verdict if one.severity != "note"}
     assert not found & set(fix.mended)
     assert fix.reason or not found & {"S1", "C4", "D1", "D2", "D3", "D4", "D6"}
-    assert max((one.largest for one in again.examination.drifts if one.level == "position"), default=0.0) <= max(
-        CLOSED, 2.0 * fix.after.drift, exam.options.target
-    ) or fix.elsewhere_reason
+    assert (
+        max((one.largest for one in again.examination.drifts if one.level == "position"), default=0.0)
+        <= max(CLOSED, 2.0 * fix.after.drift, exam.options.target)
+        or fix.elsewhere_reason
+    )

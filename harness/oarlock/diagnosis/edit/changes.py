@@ -69,7 +69,9 @@ class Settings:
     def edit(self, editors: Mapping[Document, Editor], document: Document, model: mujoco.MjModel) -> None:
         """Changes options that the model has otherwise, where they stand last, and all equalities."""
         authored = Setting.authored(model).option_attributes()
-        options = {name: value for name, value in self.setting.option_attributes().items() if authored.get(name) != value}
+        options = {
+            name: value for name, value in self.setting.option_attributes().items() if authored.get(name) != value
+        }
         for name, value in options.items():
             sections = document.sections("option")
             own = [place for place in sections if place.file is document.main]
@@ -255,4 +257,3 @@ def free_name(wanted: str, taken: set[str | None]) -> str:
 def numbers(values: np.ndarray) -> str:
     """Numbers with all their digits."""
     return " ".join(map(exact, np.asarray(values, dtype=float).tolist()))
-

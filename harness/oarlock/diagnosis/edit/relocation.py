@@ -1,9 +1,9 @@
 """Where the files of a changed model will lie, and the names by which they find one another from there.
 
 The main file becomes the copy. A file that it includes or attaches stays where it is and is named from the new place,
-unless something changes in it: then a copy of it lies beside that of the main file. Meshes, textures and such stay. MuJoCo
-looks for an included or attached file beside the main one first, for an asset in the folder that ``<compiler>`` names, and
-then for either beside the file that names it; from another folder names may have to change.
+unless something changes in it: then a copy of it lies beside that of the main file. Meshes, textures and such stay.
+MuJoCo looks for an included or attached file beside the main one first, for an asset in the folder that ``<compiler>``
+names, and then for either beside the file that names it; from another folder names may have to change.
 """
 
 import os

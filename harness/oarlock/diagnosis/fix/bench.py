@@ -38,6 +38,11 @@ class Bench:
         return cls(exam, exam if exam.own_s is None else begin(str(exam.path), exam.options))
 
     @property
+    def target(self) -> float:
+        """Wanted drift, m or rad."""
+        return getattr(self.exam, "target", None) or self.exam.options.target
+
+    @property
     def own(self) -> Setting:
         """The settings of the file, as the user has them run."""
         return Setting.authored(self.base.model)

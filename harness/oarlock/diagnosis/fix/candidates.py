@@ -46,7 +46,7 @@ def exclusions(exam: Examination) -> Iterator[tuple[Exclusion, Collision]]:
     found: tuple[Collision, ...] = tuple(getattr(exam, "collisions", None) or ())
     known = set()
     for one in found:
-        first, second = (_body(exam.model, body) for body in (one.body1, one.body2))
+        first, second = getattr(one, "bodies", None) or (_body(exam.model, body) for body in (one.body1, one.body2))
         if first is None or second is None or first == second or {first, second} in map(set, known):
             continue
         known.add((first, second))
@@ -78,9 +78,7 @@ def closed_keyframe(bench: Bench) -> Keyframe | None:
     pose = exam.pose
     if pose is None or not pose.closed:
         return None
-    elsewhere = exam is not base and not (
-        np.array_equal(exam.qpos, base.qpos) and np.array_equal(exam.qvel, base.qvel)
-    )
+    elsewhere = exam is not base and not (np.array_equal(exam.qpos, base.qpos) and np.array_equal(exam.qvel, base.qvel))
     if pose.consistent and not elsewhere:
         return None
     key = source_key(base.model, base.options.keyframe)

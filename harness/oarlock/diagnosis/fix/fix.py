@@ -1,6 +1,5 @@
 """One file with everything that helps a model, and what it does: tried before it is written, and checked afterwards."""
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,19 +32,14 @@ class Changed:
 
     Attributes:
         what: in words.
-        drift: of the file without it and with all others, under the user's controls, m or rad; infinite where that
-            diverges.
-        unit: of the drift.
+        without: the run of the file with all others, from its own start.
     """
 
     what: str
-    drift: float
-    unit: str
+    without: Trial
 
-    @property
-    def without(self) -> str:
-        """The drift without it, in words."""
-        return f"{self.drift:.2g} {self.unit}" if math.isfinite(self.drift) else "a run that diverges"
+    def __str__(self) -> str:
+        return f"{self.what}; without it {drifts(self.without)} under {self.without.label}"
 
 
 @dataclass(frozen=True)
@@ -90,14 +84,17 @@ class Fix:
     def lines(self) -> Iterator[str]:
         """The fix in words, line by line."""
         if not self.changes:
-            yield f"nothing to fix: {self.file} is the model as it was" if self.reached else (
-                f"nothing that was tried helps: {self.file} is the model as it was"
+            yield (
+                f"nothing to fix: {self.file} is the model as it was"
+                if self.reached
+                else (f"nothing that was tried helps: {self.file} is the model as it was")
             )
         for one in self.changes:
-            yield f"changed  {one.what}; without it {one.without}"
+            yield f"changed  {one}"
         for said in self.left_out:
             yield f"left out  {said}"
-        yield f"drift  {drifts(self.before)} before, {drifts(self.after)} after, from {self.begins}; target {self.target:g}"
+        yield f"drift  {drifts(self.before)} before, {drifts(self.after)} after; target {self.target:g}"
+        yield f"start  {self.begins}"
         for trial in self.elsewhere:
             yield f"drift  {drifts(trial)} under {trial.label}"
         if self.mended:
@@ -114,7 +111,15 @@ class Fix:
         return {
             "file": str(self.file),
             "written": [str(path) for path in self.written],
-            "changes": [{"what": one.what, "drift_without": finite(one.drift), "unit": one.unit} for one in self.changes],
+            "changes": [
+                {
+                    "what": one.what,
+                    "drift_without": finite(one.without.drift),
+                    "unit": one.without.unit,
+                    "controls": one.without.label,
+                }
+                for one in self.changes
+            ],
             "left_out": list(self.left_out),
             "target": self.target,
             "drift_before": finite(self.before.drift),
@@ -130,7 +135,6 @@ class Fix:
             "reason": self.reason,
             "elsewhere_reason": self.elsewhere_reason,
         }
-
 
 
 def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
@@ -166,15 +170,15 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         written=tuple(written),
         changes=tuple(_changed(bench, change, choice) for change in choice.changes),
         left_out=tuple(choice.left_out),
-        target=exam.options.target,
+        target=bench.target,
         before=choice.before,
         after=after,
         elsewhere=elsewhere,
         begins=again.begins,
         mended=tuple(sorted((claimed & were) - {one.code for one in left})),
         left=left,
-        reason=_reason(exam, choice, after, [one for one in left if one.code in claimed]),
-        elsewhere_reason=_elsewhere(exam.options.target, elsewhere),
+        reason=_reason(bench, choice, after, [one for one in left if one.code in claimed]),
+        elsewhere_reason=_elsewhere(bench.target, elsewhere),
     )
 
 
@@ -193,13 +197,13 @@ def _begun(bench: Bench, changes: Sequence[Change], out: Path) -> Examination:
 
 
 def _changed(bench: Bench, change: Change, choice: Choice) -> Changed:
-    without = choice.without[id(change)]
-    return Changed(described(bench, change, choice), without.drift, without.unit)
+    return Changed(described(bench, change, choice), choice.without[id(change)])
 
 
-def _reason(exam: Examination, choice: Choice, after: Trial, unmended: Sequence[Finding]) -> str:
+def _reason(bench: Bench, choice: Choice, after: Trial, unmended: Sequence[Finding]) -> str:
     """Why the file does not hold the target, in a sentence; empty where it does."""
-    if after.drift > exam.options.target:
+    exam = bench.exam
+    if after.drift > bench.target:
         why = ""
         if not exam.closed:
             why = "no pose near the start closes the loops"

@@ -29,7 +29,7 @@ class Choice:
 
     Attributes:
         changes: in the order in which they are told.
-        without: of each, the run with all the others.
+        without: of each, a run with all the others that it makes better.
         collisions: of exclusions.
         before: the file as it is; after: with all changes; both under the user's controls from the file's own start.
         elsewhere: with all changes under random controls.
@@ -53,7 +53,7 @@ def choose_changes(bench: Bench) -> Choice:
     Raises:
         InputError: as of the runs.
     """
-    exam, target = bench.exam, bench.exam.options.target
+    exam, target = bench.exam, bench.target
     before = bench.run([])
     found = Choice(before, before)
     pose = closed_keyframe(bench)
@@ -78,8 +78,16 @@ def choose_changes(bench: Bench) -> Choice:
         changes = [*changes, settings]
         _settle(bench, found, changes)
     for change in changes:
-        found.without[id(change)] = bench.run([one for one in changes if one is not change])
+        found.without[id(change)] = _without(bench, changes, [one for one in changes if one is not change])
     return found
+
+
+def _without(bench: Bench, changes: list[Change], rest: list[Change]) -> Trial:
+    """What a run is without a change: under the user's controls, or under those for whose sake it was made."""
+    for seed in (None, *bench.seeds):
+        if _better(bench.run(changes, seed), bench.run(rest, seed)):
+            return bench.run(rest, seed)
+    return bench.run(rest)
 
 
 def _with_room(bench: Bench, change: Change, found: Choice) -> Change | None:
@@ -151,7 +159,7 @@ def _recipe(bench: Bench, found: Choice, changes: list[Change]) -> Recipe | None
     if exam is bench.base and exam.recipe is not None and all(isinstance(change, Keyframe) for change in changes):
         return exam.recipe
     start, model = bench.start(changes), bench.model(changes)
-    return recipe(model, start, exam.laws, exam.options.target, exam.duration_s, budget_s=exam.options.budget)
+    return recipe(model, start, exam.laws, bench.target, exam.duration_s, budget_s=exam.options.budget)
 
 
 # In words.
@@ -166,7 +174,9 @@ def described(bench: Bench, change: Change, found: Choice) -> str:
     """A change in words."""
     exam, base = bench.exam, bench.base
     if isinstance(change, Keyframe):
-        moves = f", which moves '{exam.pose.moved_joint}' by {exam.pose.moved:.3g}" if exam.pose and exam.pose.moved else ""
+        moves = (
+            f", which moves '{exam.pose.moved_joint}' by {exam.pose.moved:.3g}" if exam.pose and exam.pose.moved else ""
+        )
         if change.key is None:
             return f"a keyframe '{change.name}' with the nearest closed pose{moves}"
         name = element_name(base.model, mujoco.mjtObj.mjOBJ_KEY, change.key)
@@ -174,7 +184,9 @@ def described(bench: Bench, change: Change, found: Choice) -> str:
     if isinstance(change, Exclusion):
         names = [element_name(base.model, mujoco.mjtObj.mjOBJ_BODY, body) for body in (change.body1, change.body2)]
         one = found.collisions[id(change)]
-        joins = f", which '{one.equality}' joins and which collide by {one.depth * 1e3:.2g} mm"
+        joins = f", which '{one.equality}' joins and which collide" + (
+            f" by {one.depth * 1e3:.2g} mm" if one.depth else ""
+        )
         return f"no contacts of '{names[0]}' and '{names[1]}'{joins}"
     if isinstance(change, Coefficients):
         return f"polycoef {' '.join(map(short, change.polycoef))} of '{equalities(base.model)[change.equality].name}'"
