@@ -1,5 +1,6 @@
 """One file with everything that helps a model, and what it does: tried before it is written, and checked afterwards."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from oarlock.diagnosis.edit.copy import write_changed
 from oarlock.diagnosis.edit.place import require_place
 from oarlock.diagnosis.examination import Examination, begin, examine
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.search import Choice, choose_changes, described, drifts
+from oarlock.diagnosis.fix.search import Choice, choose_changes, described, drifts, quoted
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial, run_trial
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.diagnosis.verdict.verdicts import judge
@@ -32,14 +33,15 @@ class Changed:
 
     Attributes:
         what: in words.
-        without: the run of the file with all others, from its own start.
+        without, with_it: runs from the file's own start: of settings with all others, of others before the settings.
     """
 
     what: str
     without: Trial
+    with_it: Trial
 
     def __str__(self) -> str:
-        return f"{self.what}; without it {drifts(self.without)} under {self.without.label}"
+        return f"{self.what}: {drifts(self.without)} → {drifts(self.with_it)} under {self.with_it.label}"
 
 
 @dataclass(frozen=True)
@@ -54,9 +56,9 @@ class Fix:
         target: wanted drift, m or rad.
         before: the model as it was, under the user's controls from its own start.
         after: the fixed file, the same way.
-        elsewhere: the fixed file under random controls.
+        elsewhere_before, elsewhere: the same two under random controls.
         begins: where the fixed file's own check starts, in words.
-        mended: codes of errors and warnings that were there before and that the changes were to mend.
+        mended: codes of errors and warnings that were there before, and are not any more.
         left: errors and warnings of the fixed file's own check, as ``oarlock check`` gives them.
         reason: what stands in the way, in a sentence; empty where the target is reached and all claims are kept.
         elsewhere_reason: the same of random controls.
@@ -69,6 +71,7 @@ class Fix:
     target: float
     before: Trial
     after: Trial
+    elsewhere_before: tuple[Trial, ...]
     elsewhere: tuple[Trial, ...]
     begins: str
     mended: tuple[str, ...]
@@ -93,10 +96,11 @@ class Fix:
             yield f"changed  {one}"
         for said in self.left_out:
             yield f"left out  {said}"
-        yield f"drift  {drifts(self.before)} before, {drifts(self.after)} after; target {self.target:g}"
+        told = f"{drifts(self.before)} before, {drifts(self.after)} after, under {self.after.label}"
+        yield f"drift  {told}; target {self.target:g}"
         yield f"start  {self.begins}"
-        for trial in self.elsewhere:
-            yield f"drift  {drifts(trial)} under {trial.label}"
+        for was, trial in zip(self.elsewhere_before, self.elsewhere, strict=True):
+            yield f"drift  {drifts(was)} before, {drifts(trial)} after, under {trial.label}"
         if self.mended:
             yield f"mended  {few(list(self.mended))}"
         for finding in self.left:
@@ -115,8 +119,9 @@ class Fix:
                 {
                     "what": one.what,
                     "drift_without": finite(one.without.drift),
-                    "unit": one.without.unit,
-                    "controls": one.without.label,
+                    "drift_with": finite(one.with_it.drift),
+                    "unit": one.with_it.unit,
+                    "controls": one.with_it.label,
                 }
                 for one in self.changes
             ],
@@ -126,7 +131,13 @@ class Fix:
             "drift": finite(self.after.drift),
             "unit": self.after.unit,
             "elsewhere": [
-                {"controls": trial.label, "drift": finite(trial.drift), "unit": trial.unit} for trial in self.elsewhere
+                {
+                    "controls": trial.label,
+                    "drift_before": finite(was.drift),
+                    "drift": finite(trial.drift),
+                    "unit": trial.unit,
+                }
+                for was, trial in zip(self.elsewhere_before, self.elsewhere, strict=True)
             ],
             "begins": self.begins,
             "mended": list(self.mended),
@@ -173,9 +184,10 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         target=bench.target,
         before=choice.before,
         after=after,
+        elsewhere_before=tuple(bench.run([], seed) for seed in bench.seeds),
         elsewhere=elsewhere,
         begins=again.begins,
-        mended=tuple(sorted((claimed & were) - {one.code for one in left})),
+        mended=tuple(sorted(were - {one.code for one in left})),
         left=left,
         reason=_reason(bench, choice, after, [one for one in left if one.code in claimed]),
         elsewhere_reason=_elsewhere(bench.target, elsewhere),
@@ -197,7 +209,7 @@ def _begun(bench: Bench, changes: Sequence[Change], out: Path) -> Examination:
 
 
 def _changed(bench: Bench, change: Change, choice: Choice) -> Changed:
-    return Changed(described(bench, change, choice), choice.without[id(change)])
+    return Changed(described(bench, change, choice), *choice.effects[id(change)])
 
 
 def _reason(bench: Bench, choice: Choice, after: Trial, unmended: Sequence[Finding]) -> str:
@@ -213,7 +225,7 @@ def _reason(bench: Bench, choice: Choice, after: Trial, unmended: Sequence[Findi
             why = choice.recipe.reason
         elif exam.missing.get("remedy"):
             why = exam.missing["remedy"]
-        return f"'{after.row}' opens by {drifts(after)}" + (f": {why}" if why else "")
+        return opens(after) + (f": {why}" if why else "")
     if unmended:
         return f"its own check still says {few([f'{one.code} {one.name}' for one in unmended])}"
     return ""
@@ -224,4 +236,11 @@ def _elsewhere(target: float, trials: Sequence[Trial]) -> str:
     if not beyond:
         return ""
     worst = max(beyond, key=lambda one: one.drift)
-    return f"under {worst.label} '{worst.row}' opens by {drifts(worst)}"
+    return f"under {worst.label} {opens(worst)}"
+
+
+def opens(trial: Trial) -> str:
+    """What opens, and how far, in words."""
+    if not math.isfinite(trial.drift):
+        return f"the run diverges: {trial.end.message}"
+    return f"{quoted(str(trial.row))} opens by {drifts(trial)}"

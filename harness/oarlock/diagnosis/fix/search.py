@@ -29,7 +29,7 @@ class Choice:
 
     Attributes:
         changes: in the order in which they are told.
-        without: of each, a run with all the others that it makes better.
+        effects: of each, a run without it and one with it: of settings with all others, of others before the settings.
         collisions: of exclusions.
         before: the file as it is; after: with all changes; both under the user's controls from the file's own start.
         elsewhere: with all changes under random controls.
@@ -40,7 +40,7 @@ class Choice:
     before: Trial
     after: Trial
     changes: list[Change] = field(default_factory=list)
-    without: dict[int, Trial] = field(default_factory=dict)
+    effects: dict[int, tuple[Trial, Trial]] = field(default_factory=dict)
     collisions: dict[int, Collision] = field(default_factory=dict)
     elsewhere: list[Trial] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
@@ -66,28 +66,32 @@ def choose_changes(bench: Bench) -> Choice:
     for change in list(changes):  # at the author's settings: stiff ones hide what a collision does
         rest = [one for one in changes if one is not change]
         with_it, without = bench.run(changes), bench.run(rest)
-        if _worse(with_it, without) or (isinstance(change, Keyframe) and not _better(with_it, without)):
+        if isinstance(change, Keyframe):
+            idle = without.opening <= target and not _better(with_it, without)
+        else:
+            idle = _worse(with_it, without)
+        if idle:
             changes = rest
             found.left_out.append(f"{described(bench, change, found)}: {drifts(with_it)}, without it {drifts(without)}")
     if changes != found.changes:
         _settle(bench, found, changes)
+    for change in changes:
+        found.effects[id(change)] = _effect(bench, [one for one in changes if one is not change], changes)
     settings = _settings(bench, found, changes, target)
     if settings is None and bench.own != bench.authored:  # the user asked for them
         settings = Settings(bench.own)
     if settings is not None:
-        changes = [*changes, settings]
-        _settle(bench, found, changes)
-    for change in changes:
-        found.without[id(change)] = _without(bench, changes, [one for one in changes if one is not change])
+        found.effects[id(settings)] = _effect(bench, changes, [*changes, settings])
+        _settle(bench, found, [*changes, settings])
     return found
 
 
-def _without(bench: Bench, changes: list[Change], rest: list[Change]) -> Trial:
-    """What a run is without a change: under the user's controls, or under those for whose sake it was made."""
+def _effect(bench: Bench, rest: list[Change], changes: list[Change]) -> tuple[Trial, Trial]:
+    """Runs without and with a change: under the user's controls, or under those for whose sake it was made."""
     for seed in (None, *bench.seeds):
         if _better(bench.run(changes, seed), bench.run(rest, seed)):
-            return bench.run(rest, seed)
-    return bench.run(rest)
+            return bench.run(rest, seed), bench.run(changes, seed)
+    return bench.run(rest), bench.run(changes)
 
 
 def _with_room(bench: Bench, change: Change, found: Choice) -> Change | None:
@@ -167,16 +171,14 @@ def _recipe(bench: Bench, found: Choice, changes: list[Change]) -> Recipe | None
 
 def drifts(trial: Trial) -> str:
     """How far a run opens, in words."""
-    return f"{trial.drift:.2g} {trial.unit}" if math.isfinite(trial.drift) else "a run that diverges"
+    return f"{trial.drift:.2g} {trial.unit}" if math.isfinite(trial.drift) else "diverged"
 
 
 def described(bench: Bench, change: Change, found: Choice) -> str:
     """A change in words."""
     exam, base = bench.exam, bench.base
     if isinstance(change, Keyframe):
-        moves = (
-            f", which moves '{exam.pose.moved_joint}' by {exam.pose.moved:.3g}" if exam.pose and exam.pose.moved else ""
-        )
+        moves = f", which moves {quoted(exam.pose.moved_joint)} most" if exam.pose and exam.pose.moved else ""
         if change.key is None:
             return f"a keyframe '{change.name}' with the nearest closed pose{moves}"
         name = element_name(base.model, mujoco.mjtObj.mjOBJ_KEY, change.key)
@@ -184,7 +186,7 @@ def described(bench: Bench, change: Change, found: Choice) -> str:
     if isinstance(change, Exclusion):
         names = [element_name(base.model, mujoco.mjtObj.mjOBJ_BODY, body) for body in (change.body1, change.body2)]
         one = found.collisions[id(change)]
-        joins = f", which '{one.equality}' joins and which collide" + (
+        joins = f", which {quoted(one.equality)} joins and which collide" + (
             f" by {one.depth * 1e3:.2g} mm" if one.depth else ""
         )
         return f"no contacts of '{names[0]}' and '{names[1]}'{joins}"
@@ -206,3 +208,8 @@ def _settings_in_words(bench: Bench, change: Settings) -> str:
     count = sum(1 for one in equalities(bench.base.model) if one.kind.known)
     of = f" of {'the equality' if count == 1 else f'{count} equalities'}" if given else ""
     return ", ".join([*options, *([" and ".join(given) + of] if given else [])])
+
+
+def quoted(name: str) -> str:
+    """A name in quotes, unless it has some in it."""
+    return name if "'" in name else f"'{name}'"
