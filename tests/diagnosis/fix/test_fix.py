@@ -162,6 +162,52 @@ def test_bodies_that_collide_at_their_pin_are_excluded(tmp_path):
     assert fix.changes[0].without.drift == pytest.approx(drift(source, 0.5, key=0), rel=1e-9)
 
 
+def test_an_open_start_is_closed_though_softness_opens_more(tmp_path):
+    """By itself the closed start changes nothing of the drift; with settings that hold, it is all that is left."""
+    source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
+    source.write_text(SERVO.replace("0.4 -0.1 0.1", "1e-4 0 0").replace("<connect", '<connect solref="0.1 1"'))
+    fix, _ = fixed(source, out, duration=0.3, target=1e-5, controls="keyframe")
+    assert 1e-5 < drift(source, 0.001, key=0) < 0.1 * drift(source, 0.3, key=0)
+    assert fix.reached, fix.reason
+    assert len(fix.changes) == 2
+    assert drift(out, 0.3, key=0) <= 1e-5
+
+
+def test_the_keyframe_of_an_attached_model_is_written_anew(tmp_path):
+    key = '<keyframe><key name="k" qpos="0.2 0 0" ctrl="0.25"/></keyframe></mujoco>'
+    unit = re.sub(r"<keyframe>.*</mujoco>", key, SERVO, flags=re.DOTALL).replace("<mujoco>", '<mujoco model="unit">', 1)
+    (tmp_path / "unit.xml").write_text(unit)
+    source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
+    source.write_text("""<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="0.001"/>
+  <asset><model name="unit" file="unit.xml"/></asset>
+  <worldbody><frame><attach model="unit" prefix="u_"/></frame></worldbody>
+</mujoco>
+""")
+    pins = (Collision("u_coupler", "u_rocker", "u_pin", 0.0), Collision("u_crank", "nobody", "u_pin", 0.0))
+    fix, exam = fixed(source, out, pins, duration=0.2, target=1e-3)
+    assert fix.begins == "keyframe 'closed'"
+    model = mujoco.MjModel.from_xml_path(str(out))
+    np.testing.assert_array_equal(model.key("closed").qpos, exam.pose.qpos)
+    assert model.key("closed").ctrl.tolist() == [0.25]
+    assert '<key name="closed" ctrl="0.25" qpos=' in out.read_text()
+    assert model.nexclude == 1
+    assert_only_fixes(source, out)
+
+
+def test_bodies_that_are_copies_cannot_be_excluded(tmp_path):
+    source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
+    source.write_text("""<mujoco><worldbody><replicate count="2" offset="1 0 0">
+      <body name="a"><joint name="j" axis="0 1 0"/><geom size=".1"/>
+        <body pos=".3 0 0"><joint name="k" axis="0 1 0"/><geom size=".1"/></body></body></replicate></worldbody>
+      <equality><joint name="e" joint1="j" joint2="k"/></equality></mujoco>""")
+    fix, _ = fixed(source, out, [Collision("a0", "#2", "e0", 0.1)], duration=0.05, target=1e-2)
+    assert fix.changes == ()
+    assert len(fix.left_out) == 1
+    assert "has no name and is a copy of one in the file" in fix.left_out[0]
+
+
 def test_what_does_not_help_is_left_out(tmp_path):
     source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
     source.write_text(SERVO.replace("0.4 -0.1 0.1", "0 0 0"))
