@@ -1,6 +1,6 @@
 """``oarlock check``: what it prints, and its exit status."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -83,9 +83,9 @@ def check(
     if printing:
         _print_findings(checked.verdict)
     kept = [
-        write_keyframe is None or _write_keyframe(exam, write_keyframe),
-        write_tuned is None or _write_tuned(exam, write_tuned),
-        fix is None or _fix(checked, fix, printing),
+        write_keyframe is None or _written(write_keyframe, lambda path: _write_keyframe(exam, path)),
+        write_tuned is None or _written(write_tuned, lambda path: _write_tuned(exam, path)),
+        fix is None or _written(fix, lambda path: _fix(checked, path, printing)),
     ]
     if report:
         say(f"oarlock: {checked.report(report)}")
@@ -137,14 +137,21 @@ def _require_places(exam: "Examination", paths: Sequence[Path]) -> None:
             require_place(exam.path, path)
 
 
+def _written(target: Path, write: Callable[[Path], bool]) -> bool:
+    """Says whether a copy holds what it should; the report and the JSON are had without it, too."""
+    try:
+        return write(target)
+    except InputError as error:
+        say(f"oarlock: '{target}' is not written: {error}")
+        return False
+
+
 def _write_keyframe(exam: "Examination", target: Path) -> bool:
-    """Says whether there was a pose to write."""
     from oarlock.diagnosis.edit.keyframe import source_key, write_keyframe
 
     pose = exam.pose
     if pose is None or not pose.closed:
-        say(f"oarlock: '{target}' is not written: no pose near the start closes the loops")
-        return False
+        raise InputError("no pose near the start closes the loops")
     name = write_keyframe(exam.path, target, pose.qpos, pose.qvel, like=source_key(exam.model, exam.options.keyframe))
     say(f"oarlock: {target}: keyframe '{name}'")
     return True
@@ -156,8 +163,7 @@ def _write_tuned(exam: "Examination", target: Path) -> bool:
 
     recipe = exam.recipe
     if recipe is None:
-        say(f"oarlock: '{target}' is not written: {exam.missing.get('remedy', 'no settings were looked for')}")
-        return False
+        raise InputError(exam.missing.get("remedy", "no settings were looked for"))
     for path in write_tuned(exam.path, target, recipe.chosen.setting):
         say(f"oarlock: {path}")
     if not recipe.reached:

@@ -1,4 +1,9 @@
-"""One file with everything that helps a model, and what it does: tried before it is written, and checked afterwards."""
+"""One file with everything that helps a model, and what it does: tried before it is written, and checked afterwards.
+
+The closed pose goes into the keyframe that the start came from, so that the numbers of keyframes stay; a model without
+any gets its first one, where ``check`` then starts by itself. Where nothing helps, the file is a copy of the model, so
+that whatever reads it next finds it.
+"""
 
 import math
 from collections.abc import Iterator, Sequence

@@ -141,7 +141,8 @@ def _settings(bench: Bench, found: Choice, changes: list[Change], target: float)
             continue
         laws, duration = bench.random_laws(seed), exam.duration_s
         start, model = bench.start(changes), bench.model(changes)
-        other = recipe(model, start, laws, target, duration, seeds=(), budget_s=exam.options.budget)
+        budget_s = exam.options.budget / len(bench.seeds)
+        other = recipe(model, start, laws, target, duration, seeds=(), budget_s=budget_s)
         wanted = Settings(other.chosen.setting)
         dear = _evaluations(wanted.setting, duration) > DEARER * _evaluations(first, duration)
         if dear or _worse(bench.run([*changes, wanted]), bench.run(now)):
