@@ -205,8 +205,8 @@ REDUNDANT_PARTS = 1e-3
 1e-4 of what they are, and that is in MuJoCo's acceleration and in no part (9e-5 measured)."""
 
 SAME_RUN = 1e-12
-"""Relative. Of a run of MuJoCo that is made twice, here and by plain steps: its bits are the same, and a figure of it is
-rounded once."""
+"""Relative. Of a run of MuJoCo that is made twice, here and by plain steps: its bits are the same, and a figure of
+it is rounded once."""
 
 SAME_SETTINGS = 1e-12
 """Relative. One formula of some products and powers, in two places."""

@@ -135,8 +135,9 @@ def test_another_integrator_and_timestep(oarlock_here):
         ([GRIPPER, "--target", "0"], "target = 0, expected a finite number > 0"),
         ([GRIPPER, "--duration", "1e9"], "steps, expected at most 1,000,000"),
         ([GRIPPER, "--fail-above", "nan"], "fail_above = nan, expected a finite number ≥ 0"),
-        ([CHECKED / "unreachable.xml", "--budget", "0", "--write-keyframe", "out.xml"], "no pose near the start"),
-        ([CHECKED / "unreachable.xml", "--write-tuned", "out.xml"], "no closed start"),
+        ([GRIPPER, "--fix", GRIPPER], "is the model itself"),
+        ([GRIPPER, "--fix", "no/out.xml"], "'no/out.xml' cannot be written: no folder"),
+        (["n_four_bar", "--write-tuned", "out.xml"], "builds its model by a script"),
     ],
 )
 def test_a_mistake_is_one_line(oarlock_here, arguments, expected):
@@ -144,6 +145,30 @@ def test_a_mistake_is_one_line(oarlock_here, arguments, expected):
     assert said.returncode == 2
     assert expected in said.stderr
     assert len(said.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [
+        (["--budget", "0", "--write-keyframe", "out.xml"], "'out.xml' is not written: no pose near the start"),
+        (["--write-tuned", "out.xml"], "'out.xml' is not written: there is no closed start"),
+    ],
+)
+def test_a_copy_that_cannot_be_had_costs_nothing_else(oarlock_here, flags, expected):
+    said = oarlock_here("check", CHECKED / "unreachable.xml", *flags, "--json", "out.json")
+    assert said.returncode == 1
+    assert expected in said.stderr
+    assert json.loads(Path("out.json").read_text(encoding="utf-8"))["findings"]
+
+
+def test_a_keyframe_takes_the_controls_of_its_start_along(oarlock_here):
+    said = oarlock_here(
+        "check", GRIPPER, "--budget", "0", "--duration", "0.01", "--keyframe", "shut", "--write-keyframe", "closed.xml"
+    )
+    assert said.returncode == 0, said.stderr
+    model = mujoco.MjModel.from_xml_path("closed.xml")
+    np.testing.assert_array_equal(model.key("closed").ctrl, model.key("shut").ctrl)
+    assert model.key("shut").ctrl.any()
 
 
 def test_from_python():

@@ -26,7 +26,7 @@ from oarlock.mechanics.load import load_model
 ASSETS = "assets"
 """Name of the folder of the files that a copy refers to."""
 
-_FILES = {
+FILES = {
     "mesh": ("file",),
     "hfield": ("file",),
     "skin": ("file",),
@@ -161,7 +161,7 @@ class Copier:
             strip = compiler.attrib.pop("strippath", "true" if strip else "false") == "true"
         for element in root.iter():
             where = textures if element.tag == "texture" else meshes
-            for attribute in _FILES.get(element.tag, ()) if isinstance(element.tag, str) else ():
+            for attribute in FILES.get(element.tag, ()) if isinstance(element.tag, str) else ():
                 if (file := element.get(attribute)) and not _unread(element):
                     file = Path(file).name if strip else file
                     folders = [where, base, *filter(None, [self._included.get(element)])]

@@ -35,7 +35,7 @@ def examined(file: Path | str, wish: CheckOptions | None = None, **options) -> A
 
 @cache
 def as_it_is(name: str) -> tuple[Any, list[Finding]]:
-    """A fixture with nothing asked for but a target that is the same for all; grippers, whose keyframe leaves them at rest, are driven."""
+    """A fixture with one target for all; grippers, whose keyframe leaves them at rest, are driven."""
     wish = CheckOptions(target=TARGET, controls="random" if name.startswith("gripper_2f") else None)
     exam = examined(CHECK / name, wish)
     return exam, judge(exam)

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.gaps import Opening, opening
-from oarlock.mechanics.controls import drive
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.row_law import CAUSES, Attribution
 from oarlock.diagnosis.runs.walking import walk
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import Equality
 

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.layout import RowColumns
-from oarlock.mechanics.controls import drive
 from oarlock.diagnosis.runs.drifts import Drift, drift_of
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.walking import own_copy, walk
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.load import collected_warnings
 
 CLASSES = 31

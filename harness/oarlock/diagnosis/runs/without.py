@@ -17,10 +17,10 @@ import numpy as np
 
 from oarlock.diagnosis.loops.gaps import Opening, opening
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
-from oarlock.mechanics.controls import drive
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import stability
 from oarlock.diagnosis.runs.walking import walk
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import set_integrator
 
