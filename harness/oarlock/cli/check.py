@@ -15,7 +15,6 @@ from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
 if TYPE_CHECKING:
     from oarlock.diagnosis.checked import Checked
     from oarlock.diagnosis.examination import Examination
-    from oarlock.diagnosis.verdict.findings import Finding
 
 
 @ends()
@@ -90,12 +89,9 @@ def check(
         )
     exam = begun(file, options)
     _require_places(exam, [path for path in (write_keyframe, write_tuned, fix) if path])
-    for part in parts(exam):
-        if printing:
-            _print_part(part, exam)
-    checked = judged(exam)
+    checked = _examined(exam)
     if printing:
-        _print_findings(checked.verdict)
+        _print(checked)
     kept = [
         write_keyframe is None or _written(write_keyframe, lambda path: _write_keyframe(exam, path)),
         write_tuned is None or _written(write_tuned, lambda path: _write_tuned(exam, path)),
@@ -114,27 +110,37 @@ def check(
         raise typer.Exit(GATE_FAILED)
 
 
+def _examined(exam: "Examination") -> "Checked":
+    from oarlock.cli.bar import bar
+    from oarlock.diagnosis.examination import PARTS
+
+    with bar() as progress:
+        progress.begin("checking", len(PARTS))
+        for _ in parts(exam):
+            progress.advance(1)
+        return judged(exam)
+
+
 def _require_alone(others: Mapping[str, object]) -> None:
     for flag, value in others.items():
         if value is not None:
             raise InputError(f"{flag} with --lint, expected one of the two: it shows a run")
 
 
-def _print_part(part: str, exam: "Examination") -> None:
+def _print(checked: "Checked") -> None:
+    """The answer first; what it rests on after it."""
     from oarlock.cli.blocks import print_chapter, print_line
-    from oarlock.diagnosis.page.chapters.contents import CHAPTERS
+    from oarlock.diagnosis.page.chapters.contents import chapters
+    from oarlock.diagnosis.page.chapters.findings import findings
     from oarlock.diagnosis.page.chapters.head import head
 
-    if part == next(iter(CHAPTERS)):
-        print_line(head(exam))
-    print_chapter(CHAPTERS[part](exam))
-
-
-def _print_findings(found: "Sequence[Finding]") -> None:
-    from oarlock.cli.blocks import print_chapter
-    from oarlock.diagnosis.page.chapters.findings import findings
-
-    print_chapter(findings(found))
+    exam = checked.examination
+    print_line(checked.answer)
+    print_line(head(exam))
+    print_chapter(findings(checked.verdict))
+    if not exam.options.lint:
+        for chapter in chapters(exam):
+            print_chapter(chapter)
 
 
 def _require_places(exam: "Examination", paths: Sequence[Path]) -> None:

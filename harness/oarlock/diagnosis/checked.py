@@ -39,6 +39,13 @@ class Checked(Answer):
         self.fixed: Fix | None = None
 
     @property
+    def answer(self) -> str:
+        """What is worst, why, and what would mend it, in one sentence."""
+        from oarlock.diagnosis.verdict.answer import answer
+
+        return answer(self.examination, self.verdict)
+
+    @property
     def findings(self) -> pl.DataFrame:
         """A row a finding, the worst first."""
         from oarlock.diagnosis.page.document import findings_table
@@ -111,7 +118,9 @@ class Checked(Answer):
         return html_fragment(self.examination, self.verdict)
 
     def __repr__(self) -> str:
-        return "\n".join([f"checked {self.examination.file}", *(f"  {finding}" for finding in self.verdict)])
+        return "\n".join(
+            [f"checked {self.examination.file}", f"  {self.answer}", *(f"  {finding}" for finding in self.verdict)]
+        )
 
 
 def begun(file: str | Path, options: CheckOptions) -> "Examination":

@@ -17,7 +17,7 @@ import numpy as np
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.case import Case
 from oarlock.cases.integrators import SUBSTITUTE, IntegratorName
-from oarlock.cases.motion import KINDS, NO_KEYFRAME, RULE, Motion
+from oarlock.cases.motion import KINDS, NO_KEYFRAME, RULE, Kind, Motion
 from oarlock.mechanics import controls
 from oarlock.mechanics.control_log import ControlLog
 from oarlock.mechanics.controls import Laws
@@ -121,7 +121,7 @@ def driven_by(model: mujoco.MjModel, asked: Motion, key: int | None) -> tuple[La
     if model.nu == 0 and not asked.drives:
         return Laws({}), "no actuators"
     named = bool(asked.control) or asked.log is not None
-    own = "keyframe" if key is not None else "constant" if named else "random"
+    own: Kind = "keyframe" if key is not None else "constant" if named else "random"
     kind = next((kind for kind in KINDS if kind == asked.controls), own)
     if kind == "keyframe" and key is None:
         raise InputError("the run starts from no keyframe, expected one for controls of kind 'keyframe'")

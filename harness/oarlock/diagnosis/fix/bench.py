@@ -40,7 +40,7 @@ class Bench:
     @property
     def target(self) -> float:
         """Wanted drift, m or rad."""
-        return getattr(self.exam, "target", None) or self.exam.options.target
+        return self.exam.target
 
     @property
     def own(self) -> Setting:

@@ -154,5 +154,6 @@ def tell(collisions: Sequence[Collision]) -> Iterator[Remark]:
             "depth": one.depth,
             "drift": one.drift,
             "drift_without": one.drift_without,
+            "unit": one.unit,
         }
         yield Remark("C4", f"{said}; exclude the pair", one.equality, severity, figures)

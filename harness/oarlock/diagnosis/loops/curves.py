@@ -199,7 +199,7 @@ class Linkage:
         cross, or jumps from one to another beside it, finds it reversed.
         """
         self.place(qpos)
-        rows = self._assembly.jacobian()[np.ix_(self._holding, self.dofs)] * self._units
+        rows = self._assembly.jacobian()[self._holding][:, self.dofs] * self._units
         motion = np.linalg.svd(rows)[2][-1]
         return motion * np.sign(np.linalg.det(np.vstack([rows, motion])))
 

@@ -12,6 +12,7 @@ from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.runs.row_law import CAUSES
 from oarlock.diagnosis.runs.trials import Trial
+from oarlock.diagnosis.verdict.answer import answer
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.mechanics.flexes import flex_names
 from oarlock.tables.provenance import occasion, versions
@@ -26,6 +27,7 @@ def document(exam: Examination, findings: Sequence[Finding]) -> dict[str, Any]:
         {
             "provenance": {**versions(), **occasion()},
             "file": exam.file,
+            "answer": answer(exam, findings),
             "begins": exam.begins,
             "driven": exam.driven,
             "laws": exam.laws,

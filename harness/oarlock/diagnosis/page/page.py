@@ -16,6 +16,7 @@ from oarlock.diagnosis.page.chapters.contents import chapters
 from oarlock.diagnosis.page.chapters.findings import findings
 from oarlock.diagnosis.page.chapters.head import head
 from oarlock.diagnosis.page.motion import Motion, motion, still
+from oarlock.diagnosis.verdict.answer import answer
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.render.folder import require_report, write_whole
 from oarlock.render.page import Figure, drawable, script_json, script_library
@@ -99,4 +100,9 @@ def _illustrated(exam: Examination, moving: Motion | None) -> list[Chapter]:
 
 def _values(exam: Examination, found: Sequence[Finding], every: list[Chapter]) -> dict[str, Any]:
     """What the templates lay out."""
-    return {"title": plain(exam.file), "head": head(exam), "chapters": [findings(found), *every]}
+    return {
+        "title": plain(exam.file),
+        "answer": plain(answer(exam, found)),
+        "head": head(exam),
+        "chapters": [findings(found), *every],
+    }

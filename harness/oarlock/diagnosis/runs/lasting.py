@@ -100,18 +100,19 @@ def _tried(
     model = copy.deepcopy(recording.model)
     data = model.eq_data[equality.index]
     last: np.ndarray | None = None
+    attribute = value = ""
     if equality.kind.turns and (one.left.radians or 0.0) >= (one.left.metres or 0.0):
         data[_TORQUESCALE] *= TORQUESCALE
         attribute, value = "torquescale", f"{data[_TORQUESCALE]:g}"
         last = _rerun(model, recording, equality)
     elif not equality.kind.joins_points:
-        given, last = float(data[_OFFSET]), median
+        given, off = float(data[_OFFSET]), median
         for _ in range(OFFSETS):
-            data[_OFFSET] -= last[0]
+            data[_OFFSET] -= off[0]
             again = _rerun(model, recording, equality)
             if again is None:
                 return one
-            last = again + data[_OFFSET] - given
+            last = off = again + data[_OFFSET] - given
         attribute, value = "polycoef", " ".join(f"{number:.6g}" for number in data[:5])
     if last is None:
         return one

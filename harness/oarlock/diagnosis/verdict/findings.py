@@ -110,6 +110,8 @@ class Finding:
         element: name of the equality (or other element); empty: the model as a whole.
         line: one line in plain words, with figures and their units.
         figures: the same for a program: name → number, text or None.
+        cost: how far the loops stand open because of it, m, of an angle times their size; 0: it is about
+            something else.
     """
 
     code: str
@@ -118,6 +120,7 @@ class Finding:
     element: str
     line: str
     figures: dict[str, Any] = field(default_factory=dict)
+    cost: float = 0.0
 
     @property
     def name(self) -> str:
@@ -150,5 +153,5 @@ def found(
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
-    """Errors, then warnings, then notes; of one severity in the order in which they were found."""
-    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
+    """Errors, then warnings, then notes; of one severity the dearest, and at one cost in the order given."""
+    return sorted(findings, key=lambda finding: (SEVERITIES.index(finding.severity), -finding.cost))

@@ -5,6 +5,7 @@ a run shows, in ``blame``.
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -20,6 +21,7 @@ from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
+from oarlock.diagnosis.verdict.cost import cost
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.names import element_name
 from oarlock.stepping.closing import CONSISTENT
@@ -63,7 +65,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
     findings = [finding for part in parts for finding in merged(_unsaid(examination, part(examination)))]
     if fail_above is not None:
         findings += blame.above(examination, fail_above)
-    return worst_first(findings)
+    return worst_first(replace(one, cost=cost(examination, one)) for one in findings)
 
 
 # What is seen without a run.

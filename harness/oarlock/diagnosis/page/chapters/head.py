@@ -16,9 +16,13 @@ def head(exam: Examination) -> str:
     without = "it" if model.neq == 1 else "them"
     text = (
         f"{counted(model.neq, 'equality', 'equalities')}{f' ({off} switched off)' if off else ''}, "
-        f"{counted(model.nv, 'degree')} of freedom without {without}. The run: {exam.duration_s:g} s in {exam.steps} "
-        f"steps of {exam.timestep_s:g} s, integrator {integrator_of(model)}, from {exam.begins}; {exam.driven}."
+        f"{counted(model.nv, 'degree')} of freedom without {without}."
     )
+    if not exam.options.lint:
+        text += (
+            f" The run: {exam.duration_s:g} s in {exam.steps} steps of {exam.timestep_s:g} s, integrator "
+            f"{integrator_of(model)}, from {exam.begins}; {exam.driven}."
+        )
     if flexes := flex_names(model):
         names = ", ".join(f"'{name}'" for name in flexes)
         text += f" Left as MuJoCo has it, and not examined: flex {names}."

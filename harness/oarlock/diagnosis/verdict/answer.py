@@ -1,0 +1,77 @@
+"""The answer to a check in one sentence: what is worst, why, and what would mend it."""
+
+from collections.abc import Sequence
+
+from oarlock.base.numbers import figure
+from oarlock.base.text import quoted
+from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.runs.drifts import Drift
+from oarlock.diagnosis.verdict.blame import held
+from oarlock.diagnosis.verdict.cost import metres
+from oarlock.diagnosis.verdict.findings import Finding, worst_first
+
+_BECAUSE = {
+    "D1": "MuJoCo's constraints are springs, and the load pulls it apart",
+    "D2": "MuJoCo leaves the bend of its row (J̇v) out",
+    "D3": "within a step the velocity runs straight, and the loop bends",
+    "D4": "the integrator treats damping implicitly, after the constraint forces",
+    "D5": "its row is softer than solimp says",
+    "D6": "the solver stops before it has solved its question",
+    "D8": "the timestep is too long for the motion",
+    "E1": "its own springs and dampers take energy",
+    "S1": "the start is open, and has to be pulled together first",
+    "S4": "a lasting error stands behind the open start",
+}
+"""Code → why an equality opens. Of all others the finding's own line is the answer."""
+
+_BEYOND = ("C3", "L9", "L10", "S2", "S3", "U4", "U5")
+"""What no settings mend: the mechanism itself has to be another one."""
+
+
+def answer(exam: Examination, findings: Sequence[Finding]) -> str:
+    """One sentence on top of everything else; which run and which start it is about stands beside it."""
+    ordered = worst_first(findings)
+    bad = [one for one in ordered if one.severity != "note" and one.code not in ("D7", "T3", "T5")]
+    if exam.options.lint:
+        return _own(bad[0]) if bad else "Nothing is wrong that can be seen without a run."
+    worst = _worst(exam)
+    if worst is None:
+        return _own(ordered[0]) if ordered else "Nothing is known of its loops."
+    holds = worst.largest <= exam.target
+    if bad and (not holds or bad[0].severity == "error"):
+        why = _cause(worst, bad)
+        said = _own(why) if why.code not in _BECAUSE else f"{_opens(exam, worst)}: {_BECAUSE[why.code]}"
+        return said if why.code in _BEYOND else f"{said}{_mended(exam)}"
+    if holds:
+        return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(exam, worst, 'at most ')}"
+    return f"{_opens(exam, worst)}{_mended(exam)}"
+
+
+def _own(finding: Finding) -> str:
+    return f"{quoted(finding.element)}: {finding.line}" if finding.element else finding.line
+
+
+def _worst(exam: Examination) -> Drift | None:
+    positions = [one for one in exam.drifts if one.level == "position"]
+    return max(positions, key=lambda one: metres(exam, one.metres, one.radians), default=None)
+
+
+def _cause(worst: Drift, bad: Sequence[Finding]) -> Finding:
+    """The worst finding, unless it is a softer one of another equality than the one that opens furthest."""
+    if bad[0].severity == "error":
+        return bad[0]
+    own = [one for one in bad if worst.equality in (one.element, *one.figures.get("also", ()))]
+    return max((*own[:1], bad[0]), key=lambda one: one.cost)
+
+
+def _opens(exam: Examination, worst: Drift, most: str = "") -> str:
+    parts = [figure(value, unit) for value, unit in ((worst.metres, "m"), (worst.radians, "rad")) if value is not None]
+    return f"{quoted(worst.equality)} opens by {most}{' and '.join(parts)} at t = {worst.time_s:.4g} s"
+
+
+def _mended(exam: Examination) -> str:
+    recipe = exam.recipe
+    if recipe is None or recipe.outcome != "reached":
+        return ""
+    left = max([recipe.chosen, *recipe.verified], key=lambda one: one.drift)
+    return f"; with {recipe.reason} it opens by at most {held(left)}"
