@@ -35,7 +35,9 @@ GIVEN = {
     "qvel": np.zeros(3),
     "act": np.zeros(0),
     "laws": [],
-    "held_s": None,
+    "switches": [],
+    "step_s": 0.002,
+    "held": False,
     "beta": 0.0,
     "k": 0.0,
     "observed": None,
@@ -306,7 +308,8 @@ except ValueError as error:
         ("_core.open_mujoco('a\\0b')", "is no path of a library"),
         ("_core.open_mujoco(_core.__file__)", "has no function mj_version"),
         (
-            "_core.Setup(model, qpos=np.zeros(7), qvel=np.zeros(6), act=np.zeros(0), laws=[], held_s=None, beta=0, "
+            "_core.Setup(model, qpos=np.zeros(7), qvel=np.zeros(6), act=np.zeros(0), laws=[], switches=[], "
+            "step_s=0.002, held=False, beta=0, "
             "k=0, observed=None, conserved=False, inequalities=False, snapshots=[])",
             "MuJoCo's library is not opened yet",
         ),

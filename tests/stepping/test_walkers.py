@@ -119,7 +119,7 @@ def test_calibration_notices_a_drive_held_over_the_step():
     case = load_case("boat")
     setup = setup_of(case, "rk4")
     frozen = Drive(setup.model, case)
-    frozen.held_s = setup.timestep_s
+    frozen.held = True
     assert difference(setup, drive=frozen) > FROZEN_DRIVE
 
 

@@ -85,12 +85,15 @@ class Drive(_Table):
     Attributes:
         constants: name → number, or expression of earlier constants.
         ctrl: name of an actuator → expression of the time t (s) and the constants.
+        active: name of an equality → expression of t and the constants; it is active while that is positive, and
+            switched between steps.
         held: whether controls are set before a step and held over it, as a program does that calls ``mj_step``; else
             they follow their laws at every stage of the integrator.
     """
 
     constants: dict[str, Finite | str] = {}
     ctrl: dict[str, str] = {}
+    active: dict[str, str] = {}
     held: Annotated[bool, Field(strict=True)] = False
 
     def values(self) -> dict[str, float]:
@@ -113,13 +116,14 @@ class Drive(_Table):
         return known
 
     def laws(self) -> dict[str, TimeLaw]:
-        """Parses the laws: name of an actuator → its law.
+        """Parses the laws: name of an actuator, or of an equality after ``active:`` → its law.
 
         Raises:
             InputError: a law does not parse or names something unknown.
         """
         constants = self.values()
-        return {actuator: TimeLaw(source, constants) for actuator, source in self.ctrl.items()}
+        everything = {**self.ctrl, **{f"active:{name}": law for name, law in self.active.items()}}
+        return {name: TimeLaw(source, constants) for name, source in everything.items()}
 
     @model_validator(mode="after")
     def _parse(self) -> "Drive":

@@ -10,7 +10,7 @@ from oarlock.base.core import TimeLaw
 from oarlock.base.errors import InputError, choose
 from oarlock.cases import case_file
 from oarlock.cases.motion import KINDS, NO_KEYFRAME, Kind
-from oarlock.mechanics.drive import Drive
+from oarlock.mechanics.drive import ACTIVE, Drive
 from oarlock.mechanics.names import element_name
 
 FREQUENCIES_HZ = (0.3, 3.0)
@@ -89,11 +89,13 @@ def laws(
             raise InputError("the model has no keyframe to start from, expected one for controls of kind 'keyframe'")
         given = dict(zip(actuators(model), map(repr, model.key_ctrl[number].tolist()), strict=True))
     for name, value in (values or {}).items():
-        choose("actuator", name, actuators(model))
+        if not name.startswith(ACTIVE):
+            choose("actuator", name, actuators(model))
         if not isinstance(value, str) and not np.isfinite(value):
             raise InputError(f"control of actuator '{name}' = {value}, expected a finite number")
         given[name] = value if isinstance(value, str) else repr(float(value))
-    return Laws({name: law for name, law in given.items() if law not in ("0.0", "-0.0")}, held=True)
+    zero = {name for name, law in given.items() if law in ("0.0", "-0.0") and not name.startswith(ACTIVE)}
+    return Laws({name: law for name, law in given.items() if name not in zero}, held=True)
 
 
 def written_out(given: case_file.Drive, what: str = "actuator") -> Laws:
@@ -103,8 +105,15 @@ def written_out(given: case_file.Drive, what: str = "actuator") -> Laws:
     def written(name: re.Match[str]) -> str:
         return f"({values[name[0]]!r})" if name[0] in values else name[0]
 
-    out = {actuator: re.sub(r"\b[A-Za-z_]\w*", written, law) for actuator, law in given.ctrl.items()}
+    everything = {**given.ctrl, **{ACTIVE + name: law for name, law in given.active.items()}}
+    out = {name: re.sub(r"\b[A-Za-z_]\w*", written, law) for name, law in everything.items()}
     return Laws(out, held=given.held, what=what)
+
+
+def switches(model: mujoco.MjModel) -> list[str]:
+    """What laws that switch equalities go by: their names, or ``#3``, after ``ACTIVE``."""
+    names = [element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index) for index in range(model.neq)]
+    return [ACTIVE + name for name in names]
 
 
 def actuators(model: mujoco.MjModel) -> list[str]:
@@ -139,14 +148,13 @@ def drive(model: mujoco.MjModel, by_name: Mapping[str, str], parts: int = 1) -> 
     Args:
         model: of the run.
         by_name: the laws; of a plain mapping they are not held.
-        parts: into how many of its timesteps the one is cut that controls are held over.
+        parts: into how many of its timesteps a whole step is cut: over it controls are held.
 
     Raises:
         InputError: an actuator that the model does not have, or a law that does not parse.
     """
     given = by_name if isinstance(by_name, Laws) else Laws(by_name)
-    held_s = parts * float(model.opt.timestep) if given.held else None
-    return Drive.of(model, given.parsed(), held_s, given.what)
+    return Drive.of(model, given.parsed(), parts * float(model.opt.timestep), given.held, given.what)
 
 
 def _random(model: mujoco.MjModel, seed: int) -> dict[str, str]:

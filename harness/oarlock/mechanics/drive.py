@@ -1,4 +1,7 @@
-"""The drive of a model: controls as laws of time, evaluated at every stage of the integrator, or held over a step."""
+"""The drive of a model: controls as laws of time, evaluated at every stage of the integrator, or held over a step.
+
+And equalities that are switched on and off between steps, as a program does that writes ``data.eq_active``.
+"""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -13,7 +16,10 @@ from oarlock.cases.case import Case
 from oarlock.mechanics.names import element_name
 
 OFF = 1e-3
-"""Part of the time that a control is held for by which a time may miss its multiples: times are sums of timesteps."""
+"""Part of a timestep by which a time may miss its multiples: times are sums of timesteps."""
+
+ACTIVE = "active:"
+"""Before the name of an equality whose law is given: it is active while the law is positive."""
 
 
 class Drive:
@@ -21,36 +27,43 @@ class Drive:
 
     Attributes:
         laws: pairs of an actuator's number and its law.
-        held_s: s; controls change at multiples of it only, at the start of a step. None: they follow their laws at
-            every stage of the integrator.
+        switches: pairs of an equality's number and its law.
+        step_s: s, of a whole step: equalities are switched at its multiples only.
+        held: whether controls change there only as well; else they follow their laws at every stage of the integrator.
 
     Raises:
-        InputError: the case names an actuator that the model does not have.
+        InputError: the case names an actuator or an equality that the model does not have.
     """
 
     def __init__(self, model: mujoco.MjModel, case: Case):
         given = case.file.drive
-        held_s = float(model.opt.timestep) if given.held else None
-        self._take(model, given.laws(), held_s, f"actuator in [drive] of case '{case.name}'")
+        what = f"actuator in [drive] of case '{case.name}'"
+        self._take(model, given.laws(), float(model.opt.timestep), given.held, what)
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], held_s: float | None, what: str) -> Self:
-        """A drive of laws by the names of actuators, which a message calls ``what``.
+    def of(cls, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], step_s: float, held: bool, what: str) -> Self:
+        """A drive of laws by the names of actuators, which a message calls ``what``, and of equalities (``ACTIVE``).
 
         Raises:
-            InputError: an actuator that the model does not have.
+            InputError: an actuator or an equality that the model does not have.
         """
         drive = cls.__new__(cls)
-        drive._take(model, laws, held_s, what)
+        drive._take(model, laws, step_s, held, what)
         return drive
 
-    def _take(self, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], held_s: float | None, what: str) -> None:
+    def _take(self, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], step_s: float, held: bool, what: str) -> None:
         actuators = [element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index) for index in range(model.nu)]
+        equalities = [element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index) for index in range(model.neq)]
         self.laws: list[tuple[int, TimeLaw]] = []
+        self.switches: list[tuple[int, TimeLaw]] = []
         for name, law in laws.items():
+            if name.startswith(ACTIVE) and name not in actuators:
+                equality = choose(f"equality after '{ACTIVE}'", name.removeprefix(ACTIVE), equalities)
+                self.switches.append((equalities.index(equality), law))
+                continue
             choose(what, name, actuators)
             self.laws.append((actuators.index(name), law))
-        self.held_s = held_s
+        self.step_s, self.held = step_s, held
         self._model = model
 
     def apply(self, data: mujoco.MjData) -> None:
@@ -59,9 +72,11 @@ class Drive:
         Raises:
             RefusedError: a law has no finite value at that time.
         """
-        if self.held_s is not None:
-            ticks = data.time / self.held_s
-            if not abs(ticks - round(ticks)) <= OFF:
+        if self.held or self.switches:
+            ticks = data.time / self.step_s
+            if abs(ticks - round(ticks)) <= OFF:
+                self._switch(data)
+            elif self.held:
                 return
         self._write(data)
 
@@ -71,16 +86,16 @@ class Drive:
         Raises:
             RefusedError: a law has no finite value at that time.
         """
-        if self.held_s is None:
+        if not self.held:
             self._write(data)
 
+    def _switch(self, data: mujoco.MjData) -> None:
+        for index, law in self.switches:
+            data.eq_active[index] = _value(law, data.time) > 0.0
+
     def _write(self, data: mujoco.MjData) -> None:
-        time = data.time
         for index, law in self.laws:
-            value = law.at(time)
-            if not math.isfinite(value):
-                raise RefusedError(f"{law!r} is {value} at t = {time:g} s, expected a finite control")
-            data.ctrl[index] = value
+            data.ctrl[index] = _value(law, data.time)
 
     @contextmanager
     def installed(self) -> Iterator[None]:
@@ -89,7 +104,7 @@ class Drive:
         MuJoCo's own integrators then evaluate it at every stage. The hook is global to the process, and MuJoCo also
         calls it while it compiles another model, so it answers for this drive's model only.
         """
-        if not self.laws or self.held_s is not None:
+        if not self.laws or self.held:
             yield
             return
         address = self._model._address
@@ -103,3 +118,10 @@ class Drive:
             yield
         finally:
             mujoco.set_mjcb_control(None)
+
+
+def _value(law: TimeLaw, time: float) -> float:
+    value = law.at(time)
+    if not math.isfinite(value):
+        raise RefusedError(f"{law!r} is {value} at t = {time:g} s, expected a finite control")
+    return value

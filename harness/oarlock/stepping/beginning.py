@@ -132,7 +132,7 @@ def driven_by(model: mujoco.MjModel, asked: Motion, key: int | None) -> tuple[La
         "random": f"a random smooth control of every actuator (seed {asked.seed})",
     }[kind]
     if asked.log is not None:
-        log = ControlLog(asked.log, controls.actuators(model))
+        log = ControlLog(asked.log, [*controls.actuators(model), *controls.switches(model)])
         read = {name: law for name, law in log.laws().items() if name not in asked.control}
         found = Laws({**found, **dict.fromkeys(read, str(log))}, logs=read, held=True)
         said = f"controls of the {log}"

@@ -91,13 +91,13 @@ class MujocoWalker:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None = None):
         self.model, self.data = model, data
-        self._held = drive if drive is not None and drive.held_s is not None else None
+        self._drive = drive if drive is not None and (drive.held or drive.switches) else None
         self._function = _function(model)
 
     def look(self) -> None:
         """mj_forward: everything that mj_step would compute first."""
-        if self._held is not None:
-            self._held.apply(self.data)
+        if self._drive is not None:
+            self._drive.apply(self.data)
         mujoco.mj_forward(self.model, self.data)
 
     def step(self) -> None:

@@ -1,4 +1,5 @@
-//! The drive: actuator controls as laws of time, written at the time of every stage of the integrator, or held over a step.
+//! The drive: actuator controls as laws of time, written at the time of every stage of the integrator, or held over a step;
+//! and equalities that are switched on and off between steps.
 
 use crate::error::Error;
 use crate::library::{Controls, Data};
@@ -11,28 +12,32 @@ const OFF: f64 = 1e-3;
 #[derive(Debug, Clone, Default)]
 pub struct Drive {
     laws: Vec<(usize, TimeLaw)>,
-    /// s; controls change at multiples of it only.
-    held_s: Option<f64>,
+    /// Equalities with their laws: each is active while its law is positive.
+    switches: Vec<(usize, TimeLaw)>,
+    /// s, of a whole step: equalities are switched at its multiples only.
+    step_s: f64,
+    /// Whether controls change there only as well.
+    held: bool,
     failed: Option<Error>,
 }
 
 impl Drive {
-    /// Actuators with their laws, and for how long (s) a control is held; nothing: it follows its law at every stage.
+    /// Actuators with their laws, equalities with theirs, the timestep (s), and whether a control is held over it; if not, it
+    /// follows its law at every stage.
     #[must_use]
-    pub const fn new(laws: Vec<(usize, TimeLaw)>, held_s: Option<f64>) -> Self {
-        Self { laws, held_s, failed: None }
+    pub const fn new(
+        laws: Vec<(usize, TimeLaw)>,
+        switches: Vec<(usize, TimeLaw)>,
+        step_s: f64,
+        held: bool,
+    ) -> Self {
+        Self { laws, switches, step_s, held, failed: None }
     }
 
     /// Whether MuJoCo has to ask at the stages of an integrator.
     #[must_use]
     pub const fn is_staged(&self) -> bool {
-        !self.laws.is_empty() && self.held_s.is_none()
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        self.laws.is_empty()
+        !self.laws.is_empty() && !self.held
     }
 
     /// Writes the controls at the data's time, the start of a step; one that is held stays as it is until its time is over.
@@ -40,9 +45,11 @@ impl Drive {
     /// # Errors
     /// [`Error::Control`]: a law has no finite value there.
     pub fn apply(&mut self, data: &mut Data) -> Result<(), Error> {
-        if let Some(held_s) = self.held_s {
-            let ticks = data.time() / held_s;
-            if (ticks - ticks.round()).abs() > OFF {
+        if self.held || !self.switches.is_empty() {
+            let ticks = data.time() / self.step_s;
+            if (ticks - ticks.round()).abs() <= OFF {
+                self.switch(data)?;
+            } else if self.held {
                 return Ok(());
             }
         }
@@ -54,7 +61,21 @@ impl Drive {
     /// # Errors
     /// [`Error::Control`]: a law has no finite value there.
     pub fn apply_at_stage(&mut self, data: &mut Data) -> Result<(), Error> {
-        if self.held_s.is_some() { Ok(()) } else { self.write_at(data) }
+        if self.held { Ok(()) } else { self.write_at(data) }
+    }
+
+    fn switch(&mut self, data: &mut Data) -> Result<(), Error> {
+        let time = data.time();
+        for (law, (equality, at)) in self.switches.iter_mut().enumerate() {
+            let value = at.at(time);
+            if !value.is_finite() {
+                return Err(Error::Control { law: self.laws.len() + law, value, time });
+            }
+            if let Some(active) = data.eq_active_mut().get_mut(*equality) {
+                *active = value > 0.0;
+            }
+        }
+        Ok(())
     }
 
     fn write_at(&mut self, data: &mut Data) -> Result<(), Error> {
@@ -103,7 +124,12 @@ mod tests {
     </mujoco>"#;
 
     fn drive(actuator: usize, law: &str) -> Drive {
-        Drive::new(vec![(actuator, TimeLaw::parse(law, &BTreeMap::new()).expect(law))], None)
+        Drive::new(
+            vec![(actuator, TimeLaw::parse(law, &BTreeMap::new()).expect(law))],
+            Vec::new(),
+            0.25,
+            false,
+        )
     }
 
     #[test]
@@ -123,7 +149,7 @@ mod tests {
         let model = model(DRIVEN);
         let mut state = data(&model, &[0.0], &[0.0]);
         let law = TimeLaw::parse("t", &BTreeMap::new()).expect("a law");
-        let mut drive = Drive::new(vec![(0, law)], Some(0.25));
+        let mut drive = Drive::new(vec![(0, law)], Vec::new(), 0.25, true);
         assert!(!drive.is_staged());
         for (time, expected) in
             [(0.0, 0.0), (0.125, 0.0), (0.25, 0.25), (0.375, 0.25), (0.5 - 1e-9, 0.5 - 1e-9)]

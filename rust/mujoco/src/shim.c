@@ -122,7 +122,7 @@ const char* oarlock_name(const mjModel* m, int type, int id) { return api.mj_id2
 void oarlock_view_data(mjData* d, oarlock_data* view) {
   *view = (oarlock_data){
     .time = &d->time, .energy = d->energy, .qpos = d->qpos, .qvel = d->qvel, .act = d->act, .ctrl = d->ctrl,
-    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth,
+    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .eq_active = d->eq_active, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth,
     .inverse_diagonal = d->qLDiagInv, .cvel = d->cvel, .cdof_dot = d->cdof_dot,
     .subtree_com = d->subtree_com, .geom_xpos = d->geom_xpos, .geom_xmat = d->geom_xmat, .site_xpos = d->site_xpos,
     .ten_length = d->ten_length, .ten_velocity = d->ten_velocity, .wrap_xpos = d->wrap_xpos,

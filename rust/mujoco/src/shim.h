@@ -24,6 +24,7 @@ typedef struct {
 // The arrays of mjData that stay where they are.
 typedef struct {
   double *time, *energy, *qpos, *qvel, *act, *ctrl, *qacc, *qfrc_constraint;
+  mjtBool* eq_active;
   const double *qfrc_smooth, *qacc_smooth, *inverse_diagonal, *cvel, *cdof_dot;
   const double *subtree_com, *geom_xpos, *geom_xmat, *site_xpos, *ten_length, *ten_velocity, *wrap_xpos;
   const int *ten_wrapadr, *ten_wrapnum, *wrap_obj, *solver_niter;

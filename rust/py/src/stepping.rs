@@ -52,13 +52,13 @@ type SolverRef<'py> = PyRef<'py, MultiplierSolver>;
 #[pymethods]
 #[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
 impl Setup {
-    /// Of an `MjModel`: positions (nq), velocities (nv), activations (na), laws of actuators by number, for how long (s)
-    /// a control is held (None: it follows its law at every stage), Baumgarte's terms (1/s, 1/s²), what to
+    /// Of an `MjModel`: positions (nq), velocities (nv), activations (na), laws of actuators and of equalities by number,
+    /// the timestep (s) and whether controls are held over it, Baumgarte's terms (1/s, 1/s²), what to
     /// note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies, and the steps whose
     /// states are kept whole.
     #[new]
     #[allow(clippy::too_many_arguments)] // keywords in Python
-    #[pyo3(signature = (model, *, qpos, qvel, act, laws, held_s, beta, k, observed, conserved, inequalities, snapshots))]
+    #[pyo3(signature = (model, *, qpos, qvel, act, laws, switches, step_s, held, beta, k, observed, conserved, inequalities, snapshots))]
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyAny>,
@@ -66,7 +66,9 @@ impl Setup {
         qvel: &Bound<'_, PyAny>,
         act: &Bound<'_, PyAny>,
         laws: Vec<(usize, PyRef<'_, TimeLaw>)>,
-        held_s: Option<f64>,
+        switches: Vec<(usize, PyRef<'_, TimeLaw>)>,
+        step_s: f64,
+        held: bool,
         beta: f64,
         k: f64,
         observed: Option<(String, usize)>,
@@ -98,10 +100,15 @@ impl Setup {
         if let Some((actuator, _)) = laws.iter().find(|(actuator, _)| *actuator >= model.nu()) {
             return Err(InputError::new_err(format!("the model has no actuator {actuator}")));
         }
+        let equalities = model.eq_type().len();
+        if let Some((equality, _)) = switches.iter().find(|(equality, _)| *equality >= equalities) {
+            return Err(InputError::new_err(format!("the model has no equality {equality}")));
+        }
         let laws = laws.into_iter().map(|(actuator, law)| (actuator, law.inner.clone())).collect();
+        let switches = switches.into_iter().map(|(equality, law)| (equality, law.inner.clone())).collect();
         let inner = native::run::Setup {
             model,
-            drive: native::drive::Drive::new(laws, held_s),
+            drive: native::drive::Drive::new(laws, switches, step_s, held),
             qpos: vector("qpos", qpos)?.as_slice()?.to_vec(),
             qvel: vector("qvel", qvel)?.as_slice()?.to_vec(),
             act: vector("act", act)?.as_slice()?.to_vec(),

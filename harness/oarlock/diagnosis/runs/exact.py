@@ -17,6 +17,7 @@ from oarlock.diagnosis.runs.trials import Start
 from oarlock.diagnosis.runs.walking import End, own_copy
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.curvature import Curvature
+from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.prepare import integrator_of, set_integrator
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.paths import fitting_path
@@ -35,6 +36,7 @@ FINER_WORK = 4_000_000
 """Steps times velocities up to which that is done: some ten seconds."""
 
 _FIGURES = (
+    "time_s",
     "rank",
     "drift_pos",
     "drift_vel",
@@ -146,7 +148,7 @@ def _record(own: mujoco.MjModel, start: Start, laws: dict[str, str], steps: int,
     prepared = Prepared(own, driven, data.qpos.copy(), data.qvel.copy(), parts * steps, act=start.act)
     path = fitting_path(prepared, Baumgarte())
     (table,), ending = path.free(SOLVER, "hard", TRACKED)
-    rows = _Rows(own, layout, steps)
+    rows = _Rows(own, layout, steps, driven)
     for chunk in table.chunks(("step", *_FIGURES)):
         rows.take(chunk.filter(pl.col("step") % parts == 0))
     return rows.run(integrator_of(own).name, note, parts * own.opt.timestep, _end(ending, prepared, parts))
@@ -155,8 +157,8 @@ def _record(own: mujoco.MjModel, start: Start, laws: dict[str, str], steps: int,
 class _Rows:
     """Takes the rows of the steps, and puts them where the layout has them."""
 
-    def __init__(self, model: mujoco.MjModel, layout: Layout, steps: int):
-        self._model, self._layout = model, layout
+    def __init__(self, model: mujoco.MjModel, layout: Layout, steps: int, drive: Drive):
+        self._model, self._layout, self._drive = model, layout, drive
         self._scratch = mujoco.MjData(model)
         self._columns = RowColumns(layout)
         self.taken = 0
@@ -169,7 +171,8 @@ class _Rows:
 
     def take(self, chunk: pl.DataFrame) -> None:
         """Takes rows of a table of steps."""
-        vectors = zip(*(chunk[name].to_list() for name in ("qpos", "residual", "multipliers")), strict=True)
+        names = ("time_s", "qpos", "residual", "multipliers")
+        vectors = zip(*(chunk[name].to_list() for name in names), strict=True)
         drift = chunk.select("drift_pos", "drift_vel", "drift_acc").to_numpy()
         span = slice(self.taken, self.taken + len(chunk))
         self.error[span] = chunk["error_estimate"].to_numpy()
@@ -177,17 +180,24 @@ class _Rows:
         self.loads[span] = chunk.select(
             pl.col("limit_force", "friction_force", "contact_force").fill_null(0.0)
         ).to_numpy()
-        for (qpos, position, force), figures, rank in zip(vectors, drift, chunk["rank"].to_list(), strict=True):
-            self._append(np.array(qpos), np.array(position), np.array(force), figures, rank)
+        for (time, qpos, position, force), figures, rank in zip(vectors, drift, chunk["rank"].to_list(), strict=True):
+            self._append(time, np.array(qpos), np.array(position), np.array(force), figures, rank)
 
     def _append(
-        self, qpos: np.ndarray, position: np.ndarray, force: np.ndarray, drift: np.ndarray, rank: int | None
+        self,
+        time: float,
+        qpos: np.ndarray,
+        position: np.ndarray,
+        force: np.ndarray,
+        drift: np.ndarray,
+        rank: int | None,
     ) -> None:
         step = self.taken
-        if len(position) == self._layout.rows:
+        if len(position) == self._layout.rows and not self._drive.switches:
             columns: slice | np.ndarray = slice(None)
-        else:  # which rows these are only the pose knows
-            self._scratch.qpos[:] = qpos
+        else:  # which rows these are only the pose knows, and what is switched
+            self._scratch.qpos[:], self._scratch.time = qpos, time
+            self._drive.apply(self._scratch)
             mujoco.mj_fwdPosition(self._model, self._scratch)
             columns = self._columns.of(self._scratch)
         self.qpos[step], self.drift[step], self.rank[step] = qpos, drift, -1 if rank is None else rank

@@ -330,7 +330,7 @@ def _accelerations(attribution: Attribution, instants: np.ndarray | None) -> Acc
     recording.layout.activate(data)
     parts = np.zeros((len(CAUSES), len(instants), recording.model.nv))
     for place, (step, rank) in enumerate(zip(instants, ranks, strict=True)):
-        data.qpos[:] = recording.qpos[step]
+        _place(recording, data, step)
         mujoco.mj_fwdPosition(recording.model, data)
         whitened, unwhiten = whitened_rows(recording.model, data)
         left, sizes, right = np.linalg.svd(whitened, full_matrices=False)
@@ -340,6 +340,13 @@ def _accelerations(attribution: Attribution, instants: np.ndarray | None) -> Acc
         parts[:, place] = change @ unwhiten.T
     exact = recording.qacc[instants] - parts.sum(axis=0)
     return Accelerations(instants, ranks, parts, exact)
+
+
+def _place(recording: Recording, data: mujoco.MjData, step: int) -> None:
+    """Puts a data at the pose of a step, with the equalities that had rows there."""
+    data.qpos[:] = recording.qpos[step]
+    for place, equality in enumerate(recording.layout.equalities):
+        data.eq_active[equality.index] = recording.present[step, recording.layout.of_equality(place)].any()
 
 
 def whitened_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
@@ -361,7 +368,7 @@ def ranks_at(recording: Recording, instants: np.ndarray) -> np.ndarray:
     projector = Projector(model, None, SolverSpec(REFERENCE))
     found = np.zeros(len(instants), dtype=int)
     for place, step in enumerate(instants):
-        data.qpos[:] = recording.qpos[step]
+        _place(recording, data, step)
         close(model, data, None)  # where it does not succeed, the nearest pose it found is counted at
         mujoco.mj_fwdPosition(model, data)
         if data.ne:

@@ -57,7 +57,7 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
     It ends early where a number is not finite or beyond ``HUGE``, which stays in the data. The drive must have been
     made for this very model: for its hook a copy is another one.
     """
-    constant = drive is None or all(law.is_constant for _, law in drive.laws)
+    constant = drive is None or all(law.is_constant for _, law in (*drive.laws, *drive.switches))
     if drive is not None:
         drive.apply(data)
     with nullcontext() if drive is None or constant else drive.installed():

@@ -455,6 +455,16 @@ writable! {
 }
 
 impl Data {
+    /// Whether each equality is active, neq.
+    pub fn eq_active_mut(&mut self) -> &mut [bool] {
+        let count = size(self.model.view.neq);
+        if count == 0 {
+            return &mut [];
+        }
+        // SAFETY: MuJoCo's array has neq entries of mjtBool, a byte that it keeps at 0 or 1; `&mut self` is exclusive.
+        unsafe { slice::from_raw_parts_mut(self.view.eq_active, count) }
+    }
+
     /// Writes the forces of all rows: multipliers (ne) of the equalities, then those of the others (nefc − ne).
     ///
     /// # Panics

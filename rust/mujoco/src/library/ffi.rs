@@ -58,6 +58,7 @@ pub(super) struct DataView {
     pub(super) ctrl: *mut f64,
     pub(super) qacc: *mut f64,
     pub(super) qfrc_constraint: *mut f64,
+    pub(super) eq_active: *mut bool,
     pub(super) qfrc_smooth: *const f64,
     pub(super) qacc_smooth: *const f64,
     pub(super) inverse_diagonal: *const f64,
