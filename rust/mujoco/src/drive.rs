@@ -71,8 +71,8 @@ impl Drive {
             if !value.is_finite() {
                 return Err(Error::Control { law: self.laws.len() + law, value, time });
             }
-            if let Some(active) = data.eq_active_mut().get_mut(*equality) {
-                *active = value > 0.0;
+            if data.eq_active().get(*equality).is_some_and(|&active| active != (value > 0.0)) {
+                data.eq_active_mut()[*equality] = value > 0.0;
             }
         }
         Ok(())

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from oarlock.base.text import quoted
 from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.diagnosis.loops.rank import CUT, NEAR
 
@@ -18,7 +19,8 @@ def look(view: View) -> Iterator[Remark]:
         what, value = ("zero", spectrum.dropped) if small else ("one that counts", spectrum.kept)
         said = f"rank {group.rank} takes a singular value of {value:.2g} of the largest for {what}"
         tilts = [
-            f"the axis of '{one.joint}' is tilted by {one.radians:.3g} rad" for one in view.tilts({*group.equalities})
+            f"the axis of {quoted(one.joint)} is tilted by {one.radians:.3g} rad"
+            for one in view.tilts({*group.equalities})
         ]
         names = group.equalities
         figures = {"also": list(names[1:]), "singular_value": value}

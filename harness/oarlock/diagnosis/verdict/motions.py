@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from oarlock.base.numbers import percent
+from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.runs.drifts import VISIBLE
 from oarlock.diagnosis.runs.solving import Solving
@@ -20,8 +21,8 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
         return
     turns = "" if one.turns_s is None else f" and turns back, as the exact motion does at t = {one.turns_s:.4g} s"
     said = (
-        f"joint '{one.joint}' cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead point there"
-        f"{turns}; MuJoCo goes on beyond it at t = {one.time_s:.4g} s, tears '{one.equality}' open by {one.torn} and "
+        f"joint {quoted(one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead point "
+        f"there{turns}; MuJoCo goes on beyond it at t = {one.time_s:.4g} s, tears '{one.equality}' open by {one.torn} and "
         f"moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not have"
     )
     yield found(
@@ -49,7 +50,7 @@ def branch(exam: Examination) -> Iterator[Finding]:
         return
     said = (
         f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one; "
-        f"at the end of the run they are {one.apart:.3g} {one.unit} apart at joint '{one.joint}'"
+        f"at the end of the run they are {one.apart:.3g} {one.unit} apart at joint {quoted(one.joint)}"
     )
     names = list(one.equalities)
     figures = {"time_s": one.since_s, "joint": one.joint, "apart": one.apart}
@@ -68,8 +69,8 @@ def pace(exam: Examination) -> Iterator[Finding]:
     if not blamed:
         return
     said = (
-        f"joint '{one.joint}' turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at t = {one.time_s:.4g} s), "
-        f"and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: too far to keep "
+        f"joint {quoted(one.joint)} turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at "
+        f"t = {one.time_s:.4g} s), and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: too far to keep "
         f"{in_words(blamed)} closed"
     )
     figures: dict[str, Any] = {"per_step": one.per_step, "bound": one.bound, "rate": one.rate, "time_s": one.time_s}

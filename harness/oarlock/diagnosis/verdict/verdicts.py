@@ -169,7 +169,7 @@ def _start(exam: Examination) -> Iterator[Finding]:
     pose, file = exam.pose, exam.file
     if pose is None:
         return
-    tilts = [f"the axis of '{one.joint}' is tilted by {one.radians:.3g} rad" for one in pose.tilts]
+    tilts = [f"the axis of {quoted(one.joint)} is tilted by {one.radians:.3g} rad" for one in pose.tilts]
     if not pose.closed:
         for culprit in pose.culprits:
             said = "; ".join([str(culprit), *tilts])
@@ -197,7 +197,8 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         element = worst.equality
         said = [f"stands open by {worst} at the start"]
         if pose.moved_joint:
-            said.append(f"the nearest closed pose moves '{pose.moved_joint}' by {pose.moved:.3g}{_unit(exam, pose)}")
+            by = f"{pose.moved:.3g}{_unit(exam, pose)}"
+            said.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {by}")
         if pose.outside:
             said.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
     if fastest.largest > CONSISTENT:

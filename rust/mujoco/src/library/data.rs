@@ -456,7 +456,15 @@ writable! {
 
 impl Data {
     /// Whether each equality is active, neq.
+    #[must_use]
+    pub fn eq_active(&self) -> &[bool] {
+        // SAFETY: MuJoCo's array has neq entries of mjtBool, a byte that it keeps at 0 or 1.
+        unsafe { array(self.view.eq_active, size(self.model.view.neq)) }
+    }
+
+    /// The same, to be written: no stage is valid after that.
     pub fn eq_active_mut(&mut self) -> &mut [bool] {
+        self.placed = false;
         let count = size(self.model.view.neq);
         if count == 0 {
             return &mut [];

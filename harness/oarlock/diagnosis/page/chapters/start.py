@@ -32,7 +32,7 @@ def start(exam: Examination) -> Chapter:
         return chapter
     said = f"From {exam.begins}: {_SAID[pose.status]}"
     if pose.closed and not pose.consistent:
-        by = f", most of them '{pose.moved_joint}'" if pose.moved_joint else ""
+        by = f", most of them {quoted(pose.moved_joint)}" if pose.moved_joint else ""
         said += f" Coordinates move by up to {figure(pose.moved)} rad or m{by}, velocities by up to "
         said += f"{figure(pose.moved_speed)} rad/s or m/s."
         said += _way(pose, bool(lengths(exam.model).any()))
