@@ -99,7 +99,7 @@ class Outside:
                 jac=True,
                 method="L-BFGS-B",
                 bounds=self.bounds,
-                options={"maxiter": 500, "maxcor": 30, "ftol": 1e-15, "gtol": 1e-9},
+                options={"maxiter": 200, "maxcor": 30, "ftol": 1e-12, "gtol": 1e-6},
             ).x
         rest, _ = self.rows(x)
         return float(np.linalg.norm(x)) if np.abs(rest).max(initial=0.0) <= OPEN else np.inf
