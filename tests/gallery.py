@@ -11,7 +11,7 @@ from mechanisms import setup_of
 from oarlock.cases.case import Case, load_case
 from oarlock.diagnosis.examination import begin, examine
 from oarlock.diagnosis.options import CheckOptions
-from oarlock.diagnosis.runs.controls import written_out
+from oarlock.mechanics.controls import written_out
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import set_integrator
 from oarlock.stepping.start import ConsistentStart, consistent_start

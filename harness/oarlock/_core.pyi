@@ -298,9 +298,12 @@ class MultiplierSolver:
 
 @final
 class TimeLaw:
-    """A scalar law of time, parsed once: arithmetic, functions, PI, the time t and named constants."""
+    """A scalar law of time, parsed once: arithmetic, functions, PI, the time t and named constants; or a log's."""
 
     def __new__(cls, source: str, constants: dict[str, float] = ...) -> TimeLaw: ...
+    @staticmethod
+    def sampled(name: str, times: _Numbers, values: _Numbers) -> TimeLaw:
+        """The law of a log, called by a name: a value holds from its time (s) until the next; the first also before."""
     @property
     def is_constant(self) -> bool:
         """Whether it does not depend on t."""
@@ -317,7 +320,9 @@ class Setup:
         *,
         qpos: _Numbers,
         qvel: _Numbers,
+        act: _Numbers,
         laws: list[tuple[int, TimeLaw]],
+        held_s: float | None,
         beta: float,
         k: float,
         observed: tuple[str, int] | None,

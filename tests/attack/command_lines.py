@@ -31,6 +31,7 @@ BASES: list[tuple[str, ...]] = [
     ("check", "model.xml", "--budget", "0", "--duration", "0.05", "--control", "m=1", "--keyframe", "home"),
     ("check", "model.xml", "--budget", "0", "--duration", "0.05", "--target", "1e-6", "--fail-above", "1e-3"),
     ("check", "model.xml", "--budget", "0", "--duration", "0.05", "--write-keyframe", "out/k.xml"),
+    ("check", "model.xml", "--budget", "0", "--duration", "0.05", "--fix", "out/f.xml"),
     ("new", "x", "model.xml", "--to", "out"),
     ("new", "x", "model.xml", "--to", "out", "--outside"),
     ("diff", "results", "results", "--timings", "2", "--limit", "3", "--json", "-"),
@@ -186,6 +187,7 @@ FLAGS = [
     *(
         "--write-keyframe",
         "--write-tuned",
+        "--fix",
         "--to",
         "--outside",
         "--timings",

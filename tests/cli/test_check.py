@@ -14,11 +14,13 @@ from suites import Heard
 
 CHECKED = FIXTURES / "check"
 GRIPPER = CHECKED / "gripper_2f" / "gripper_2f.xml"
+DRIVEN = ("--controls", "random")
+"""Its keyframe has no control."""
 HEADINGS = ["1  The loops", "2  The start", "3  Drift", "4  Why", "5  What would hold it", "6  Forces", "Findings"]
 
 
 def test_a_file_is_told_in_order(oarlock_here):
-    said = oarlock_here("check", GRIPPER)
+    said = oarlock_here("check", GRIPPER, *DRIVEN)
     assert (said.returncode, said.stderr) == (0, "")
     places = [said.stdout.index(heading) for heading in HEADINGS]
     assert places == sorted(places)
@@ -31,19 +33,23 @@ def test_the_front_page_shows_what_is_printed(oarlock_here):
     shown = [
         " ".join(line.split())
         for line in front.splitlines()
-        if line.startswith(("    #0 ", "    mimic ", "    note    D2"))
+        if line.startswith(("    connect of ", "    mimic ", "    note    D2"))
     ]
-    said = [" ".join(line.split()) for line in oarlock_here("check", GRIPPER, "--budget", "0").stdout.splitlines()]
+    said = [
+        " ".join(line.split()) for line in oarlock_here("check", GRIPPER, *DRIVEN, "--budget", "0").stdout.splitlines()
+    ]
     assert len(shown) == 3
     assert [line for line in shown if line not in said] == []
 
 
 def test_json_is_all_there_is_on_standard_output(oarlock_here):
-    said = oarlock_here("check", GRIPPER, "--json", "-")
+    said = oarlock_here("check", GRIPPER, *DRIVEN, "--json", "-")
     document = json.loads(said.stdout)
     loops = document["loops"]
     assert (loops["rows"], loops["rank"], loops["redundancy"], loops["dof"]) == (7, 5, 2, 1)
-    assert [one["name"] for one in loops["equalities"]] == ["#0", "#1", "mimic"]
+    assert [one["name"] for one in loops["equalities"]] == [
+        f"connect of '{side}_follower' and '{side}_coupler'" for side in ("right", "left")
+    ] + ["mimic"]
     mimic = next(one for one in document["why"]["equalities"] if one["name"] == "mimic")
     assert sum(mimic["shares"].values()) == pytest.approx(1.0)
     *parts, together = document["why"]["accelerations"]
@@ -89,7 +95,10 @@ def test_controls_can_be_chosen(oarlock_here):
     name = model.actuator(0).name
     common = ("check", leg, "--budget", "0", "--duration", "0.1", "--json", "-")
     held = json.loads(oarlock_here(*common, "--control", f"{name}=0.1").stdout)
-    assert held["laws"] == {name: "0.1"}
+    kept = dict(zip((model.actuator(index).name for index in range(model.nu)), model.key_ctrl[0].tolist(), strict=True))
+    assert held["laws"] == {**{key: repr(value) for key, value in kept.items() if value}, name: "0.1"}
+    moving = json.loads(oarlock_here(*common, "--control", f"{name}=0.1*sin(t)", "--keyframe", "none").stdout)
+    assert (moving["laws"], moving["begins"]) == ({name: "0.1*sin(t)"}, "the model's own pose, at rest")
     first, second = (
         json.loads(oarlock_here(*common, "--controls", "random", "--seed", seed).stdout) for seed in (1, 2)
     )
@@ -126,8 +135,9 @@ def test_another_integrator_and_timestep(oarlock_here):
         ([GRIPPER, "--target", "0"], "target = 0, expected a finite number > 0"),
         ([GRIPPER, "--duration", "1e9"], "steps, expected at most 1,000,000"),
         ([GRIPPER, "--fail-above", "nan"], "fail_above = nan, expected a finite number ≥ 0"),
-        ([CHECKED / "unreachable.xml", "--budget", "0", "--write-keyframe", "out.xml"], "no pose near the start"),
-        ([CHECKED / "unreachable.xml", "--write-tuned", "out.xml"], "no closed start"),
+        ([GRIPPER, "--fix", GRIPPER], "is the model itself"),
+        ([GRIPPER, "--fix", "no/out.xml"], "'no/out.xml' cannot be written: no folder"),
+        (["n_four_bar", "--write-tuned", "out.xml"], "builds its model by a script"),
     ],
 )
 def test_a_mistake_is_one_line(oarlock_here, arguments, expected):
@@ -135,6 +145,30 @@ def test_a_mistake_is_one_line(oarlock_here, arguments, expected):
     assert said.returncode == 2
     assert expected in said.stderr
     assert len(said.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("flags", "expected"),
+    [
+        (["--budget", "0", "--write-keyframe", "out.xml"], "'out.xml' is not written: no pose near the start"),
+        (["--write-tuned", "out.xml"], "'out.xml' is not written: there is no closed start"),
+    ],
+)
+def test_a_copy_that_cannot_be_had_costs_nothing_else(oarlock_here, flags, expected):
+    said = oarlock_here("check", CHECKED / "unreachable.xml", *flags, "--json", "out.json")
+    assert said.returncode == 1
+    assert expected in said.stderr
+    assert json.loads(Path("out.json").read_text(encoding="utf-8"))["findings"]
+
+
+def test_a_keyframe_takes_the_controls_of_its_start_along(oarlock_here):
+    said = oarlock_here(
+        "check", GRIPPER, "--budget", "0", "--duration", "0.01", "--keyframe", "shut", "--write-keyframe", "closed.xml"
+    )
+    assert said.returncode == 0, said.stderr
+    model = mujoco.MjModel.from_xml_path("closed.xml")
+    np.testing.assert_array_equal(model.key("closed").ctrl, model.key("shut").ctrl)
+    assert model.key("shut").ctrl.any()
 
 
 def test_from_python():
@@ -148,3 +182,33 @@ def test_from_python():
     assert checked.trials.is_empty()
     assert checked.mjcf == ""
     assert "checked" in repr(checked)
+
+
+# Without a run.
+
+
+@pytest.mark.parametrize(("name", "status"), [("mimic_ring", 1), ("drawn_apart", 0), ("contacts", 0)])
+def test_a_lint_is_a_gate_for_errors(oarlock_here, name, status):
+    file = FIXTURES / "check" / f"{name}.xml"
+    said = oarlock_here("check", "--lint", file)
+    assert (said.returncode, said.stderr) == (status, "")
+    assert said.stdout.startswith("Findings\n")
+    machine = oarlock_here("check", "--lint", file, "--json", "-")
+    assert machine.returncode == status
+    document = json.loads(machine.stdout)
+    assert (document["drift"], document["recipe"], document["loops"]) == ([], None, None)
+    assert all(one["code"] in said.stdout for one in document["findings"])
+    assert bool(status) == any(one["severity"] == "error" for one in document["findings"])
+
+
+@pytest.mark.parametrize("flag", ["--report", "--write-keyframe", "--write-tuned", "--fail-above"])
+def test_a_lint_shows_no_run(oarlock_here, flag):
+    said = oarlock_here("check", "--lint", GRIPPER, flag, "1")
+    assert (said.returncode, said.stdout) == (2, "")
+    assert said.stderr == f"oarlock: {flag} with --lint, expected one of the two: it shows a run\n"
+
+
+def test_a_lint_in_python(tmp_path):
+    checked = oarlock.check(FIXTURES / "check" / "welded_pin.xml", lint=True)
+    assert checked.findings["code"].to_list() == ["L10"]
+    assert "L10 pin" in repr(checked)

@@ -6,8 +6,9 @@ import mujoco
 import pytest
 from mechanisms import TANGLE, four_bar, write_model
 from oarlock import InputError, run
+from oarlock.base.text import quoted
 from oarlock.cases.equality_kinds import KIND_OF, KINDS
-from oarlock.mechanics.names import equalities
+from oarlock.mechanics.names import element_name, equalities
 from oarlock.report.case_report import write_report
 
 # Four points with five edges; in SKINNED, before the loop of a four-bar, with an equality that is switched off.
@@ -78,3 +79,39 @@ def test_a_flex_that_is_switched_off_is_described_and_the_report_shows_the_loop(
     assert [(one["name"], one["kind"], one["rows"]) for one in told] == [("skin", "flex", None), ("pin", "connect", 3)]
     report = write_report(tmp_path / "results", tmp_path / "report")
     assert "Deviations of the constraint rows of 'pin'" in (report / "README.md").read_text(encoding="utf-8")
+
+
+UNNAMED = """<mujoco><worldbody>
+  <body name="crank"><joint axis="0 1 0"/><joint axis="0 0 1"/><joint name="own" axis="1 0 0"/><geom size="0.1"/>
+    <site name="tip"/></body>
+  <body name="rocker" pos="1 0 0"><joint axis="0 1 0"/><geom size="0.1"/><site name="top"/></body></worldbody>
+  <tendon><fixed><joint joint="own" coef="1"/></fixed></tendon>
+  <equality>
+    <connect body1="crank" body2="rocker" anchor="0 0 0"/>
+    <connect body1="crank" anchor="0 0 0"/>
+    <connect site1="tip" site2="top"/>
+    <weld name="mine" body1="crank" body2="rocker"/>
+    <joint joint1="own"/>
+    <tendon tendon1="{tendon}"/>
+  </equality></mujoco>"""
+
+
+def test_what_has_no_name_goes_by_its_bodies():
+    text = UNNAMED.replace("<fixed>", '<fixed name="t">').format(tendon="t")
+    model = mujoco.MjModel.from_xml_string(text)
+    assert [one.name for one in equalities(model)] == [
+        "connect of 'crank' and 'rocker'",
+        "connect of 'crank' and 'world'",
+        "connect of 'crank' and 'rocker' (2)",
+        "mine",
+        "joint of 'own'",
+        "tendon of 't'",
+    ]
+    objects = mujoco.mjtObj
+    joints = [element_name(model, objects.mjOBJ_JOINT, joint) for joint in range(model.njnt)]
+    assert joints == ["joint of 'crank'", "joint of 'crank' (2)", "own", "joint of 'rocker'"]
+    assert element_name(model, objects.mjOBJ_GEOM, 1) == "geom of 'rocker'"
+
+
+def test_a_name_that_quotes_is_not_quoted_again():
+    assert (quoted("pin"), quoted("connect of 'a' and 'b'")) == ("'pin'", "connect of 'a' and 'b'")

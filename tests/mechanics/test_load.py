@@ -34,7 +34,8 @@ def boat():
 
     def at(time, q, v):
         data.time, data.qpos[:], data.qvel[:] = time, q, v
-        smooth_stages(setup.model, data, setup.drive)
+        setup.drive.apply(data)
+        smooth_stages(setup.model, data)
         state.read()
         return state
 

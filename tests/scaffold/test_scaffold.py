@@ -12,9 +12,14 @@ import pytest
 from mechanisms import four_bar, frames_of, only, setup_of, write_model
 from oarlock import InputError, load_case, model_names, run
 from oarlock.cases import case as cases
+from oarlock.cases.motion import Motion
+from oarlock.diagnosis.edit.keyframe import write_keyframe
+from oarlock.mechanics.controls import laws
 from oarlock.mechanics.mjcf import copy_model, differences
 from oarlock.scaffold import scaffold, survey
 from oarlock.scaffold.scaffold import new_model
+from oarlock.stepping.beginning import beginning_of_file
+from oarlock.stepping.start import consistent_start
 from places import FIXTURES
 from strange import FILES, TETRAHEDRON
 from tolerances import NEWTON_STOPS
@@ -129,6 +134,31 @@ def test_includes_are_found_where_mujoco_finds_them(tmp_path, place):
     assert model.opt.gravity[2] == (-3 if place == "beside" else -2)
 
 
+@pytest.mark.parametrize("nested", [False, True])
+@pytest.mark.parametrize("both", [False, True])
+def test_files_of_an_included_file_are_found_where_mujoco_finds_them(tmp_path, nested, both):
+    """Beside the model first, in its meshdir, then beside the file that names them, whatever its meshdir."""
+    inner = tmp_path / "m" / "sub" / "parts"
+    inner.mkdir(parents=True)
+    asset = '<mujoco><asset><mesh name="link" file="../link.obj"/></asset></mujoco>'
+    (inner / "assets.xml").write_text(asset)
+    (tmp_path / "m" / "outer.xml").write_text('<mujoco><include file="sub/parts/assets.xml"/></mujoco>')
+    (tmp_path / "m" / "sub" / "link.obj").write_text(TETRAHEDRON)
+    if both:
+        (tmp_path / "m" / "link.obj").write_text(TETRAHEDRON.replace("1 0 0", "3 0 0"))
+    include = f'<include file="{"outer" if nested else "sub/parts/assets"}.xml"/>'
+    geom = '<geom type="mesh" mesh="link" contype="0"/>'
+    path = write_model(tmp_path / "m", four_bar(body=geom, rest=f'<compiler meshdir="geo"/>{include}'))
+    first = mujoco.MjModel.from_xml_path(str(path))
+    (tmp_path / "out").mkdir()
+    copy_model(path, tmp_path / "out")
+    assert differences(first, mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))) == []
+    closed = consistent_start(first, load_case(path)).qpos
+    write_keyframe(path, tmp_path / "closed.xml", closed)
+    again = mujoco.MjModel.from_xml_path(str(tmp_path / "closed.xml"))
+    np.testing.assert_array_equal(again.mesh_vert, first.mesh_vert)
+
+
 def test_comments_and_licence_are_kept(tmp_path):
     text = "<!-- licence -->\n" + four_bar(rest="<!-- why -->")
     (tmp_path / "out").mkdir()
@@ -184,24 +214,78 @@ KEYS = '<keyframe><key name="far" qpos="0.3 0 0"/><key name="{}" qpos="0.02 -0.0
 MOTOR = '<actuator><motor joint="crank"/></actuator>'
 
 
-def test_keyframe_that_is_closest_to_closed_is_the_start(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("asked", "origin", "ctrl"),
+    [
+        ({}, "keyframe 'far'", {}),
+        ({"keyframe": "home"}, "keyframe 'home'", {"crank_motor": "0.5"}),
+        ({"keyframe": "1", "control": {"crank_motor": "0.1*t"}}, "keyframe 'home'", {"crank_motor": "0.1*t"}),
+        (
+            {"keyframe": "none", "control": {"crank_motor": 0.2}},
+            "the model's own pose, at rest",
+            {"crank_motor": "0.2"},
+        ),
+    ],
+)
+def test_a_case_begins_where_check_begins(tmp_path, monkeypatch, asked, origin, ctrl):
+    """The first keyframe, unless another is asked for, with its controls, also where they are zero."""
     monkeypatch.setattr(survey, "STEPS", 20)
     path = write_model(tmp_path / "m", four_bar(pivot=PIVOT, rest=MOTOR + KEYS.format("home")))
-    folder, found = new_model("bar", path, tmp_path)
-    assert found.found.origin == "keyframe 'home'"
-    assert load_case(folder).file.drive.ctrl == {"crank_motor": "0.5"}
-    own, alone = new_model("own", write_model(tmp_path / "o", four_bar(pivot=PIVOT, rest=MOTOR)), tmp_path)
-    assert alone.found.origin == "the model's own pose"
-    assert alone.found.start.moved > found.found.start.moved > 0
-    assert load_case(own).file.drive.ctrl == {}
+    folder, found = new_model("bar", path, tmp_path, asked=Motion(**asked))
+    assert found.found.origin == origin
+    assert load_case(folder).file.drive.ctrl == ctrl
+    setup = setup_of(load_case(folder), "euler")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    unnamed = dict(zip(["#0"], asked.get("control", {}).values(), strict=False))
+    motion = Motion(**{**asked, "control": unnamed})
+    begins = beginning_of_file(model, motion)
+    np.testing.assert_array_equal(setup.begins.qvel, begins.qvel)
+    np.testing.assert_allclose(
+        setup.start.qpos, consistent_start(model, load_case(path), begins=begins).qpos, atol=1e-12
+    )
+    assert list(setup.begins.laws.values()) == list(begins.laws.values())
 
 
-def test_keyframe_named_start_is_the_start_with_its_controls(tmp_path, monkeypatch):
+def test_a_case_without_a_keyframe_is_driven_as_check_drives_it(tmp_path, monkeypatch):
+    """By random controls that are held over a step; a timestep, activations and mocap poses come from a keyframe."""
     monkeypatch.setattr(survey, "STEPS", 20)
-    path = write_model(tmp_path / "m", four_bar(rest=MOTOR + KEYS.format("start")))
-    folder, found = new_model("bar", path, tmp_path)
-    assert found.found.origin == "keyframe 'start'"
-    assert load_case(folder).file.drive.ctrl == {"crank_motor": "0.5"}
+    path = write_model(tmp_path / "m", four_bar(rest=MOTOR))
+    folder, _ = new_model("bar", path, tmp_path)
+    drive = load_case(folder).file.drive
+    assert drive.held
+    assert list(drive.ctrl.values()) == list(laws(mujoco.MjModel.from_xml_path(str(path)), "random").values())
+
+
+def test_limits_controls_and_keyframe_are_kept(tmp_path, monkeypatch):
+    """Of a leg that begins inside a range which its own pose is outside of, with a filtered servo that is charged."""
+    monkeypatch.setattr(survey, "STEPS", 20)
+    rest = (
+        '<actuator><general joint="crank" dyntype="filter" dynprm="0.1" biastype="affine" biasprm="0 -1 0"/></actuator>'
+        '<keyframe><key name="bent" qpos="{} {} {}" act="0.4" ctrl="0.25"/></keyframe>'
+    )
+    model = mujoco.MjModel.from_xml_string(four_bar())
+    bent = consistent_start(model, load_case(write_model(tmp_path / "o", four_bar())), seed=3).qpos
+    text = four_bar(rocker='limited="true" range="-0.2 1.2"', rest=rest.format(*bent.tolist()))
+    folder, found = new_model("bar", write_model(tmp_path / "m", text), tmp_path)
+    file = load_case(folder).file
+    assert found.ignored is None
+    assert not file.run.ignore_inequalities
+    assert (file.start.keyframe, file.drive.ctrl) == ("bent", {"crank_general": "0.25"})
+    setup = setup_of(load_case(folder), file.run.integrator)
+    assert setup.data().act.tolist() == [0.4]
+    assert setup.model.jnt_limited.any()
+    assert not setup.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_LIMIT
+
+
+def test_a_model_at_rest_gets_no_bound_that_means_nothing(tmp_path, monkeypatch):
+    """A bar that hangs: where nothing accelerates, relative differences compare rounding with rounding."""
+    monkeypatch.setattr(survey, "STEPS", 50)
+    path = write_model(tmp_path / "m", four_bar(rest=MOTOR).replace("<option", '<option gravity="0 0 0"'))
+    folder, found = new_model("bar", path, tmp_path, asked=Motion(controls="constant"))
+    gates = load_case(folder).file.gates
+    assert gates
+    assert all(gate.max is not None and gate.max < 1e-3 for gate in gates)
+    assert any("nothing moves" in note for note in found.found.notes)
 
 
 SWINGING = '<keyframe><key name="start" qvel="{} 0 0"/></keyframe>'
@@ -212,6 +296,7 @@ def test_timestep_follows_the_motion(tmp_path, monkeypatch, speed, halvings):
     """At 20 rad/s the exact run at half the model's 2 ms goes elsewhere; at half of that it no longer does."""
     monkeypatch.setattr(survey, "STEPS", 20)
     path = write_model(tmp_path / "m", four_bar(joint='damping="0"', rest=SWINGING.format(speed)))
+    path.write_text(path.read_text().replace("<option", '<option integrator="RK4"'))
     folder, found = new_model("bar", path, tmp_path)
     case = load_case(folder)
     assert case.file.run.timestep_s == (0.001 if halvings else None)
@@ -229,8 +314,10 @@ def test_integrator_that_no_case_can_ask_for_is_named_in_a_comment(tmp_path, mon
     monkeypatch.setattr(survey, "STEPS", 20)
     path = write_model(tmp_path / "m", four_bar().replace("<option", '<option integrator="discrete"'))
     folder, _ = new_model("bar", path, tmp_path)
-    assert 'integrator = "rk4" # the model\'s own is discrete' in (folder / "case.toml").read_text(encoding="utf-8")
-    assert load_case(folder).file.run.integrator == "rk4"
+    assert 'integrator = "implicitfast" # the model\'s own is discrete' in (folder / "case.toml").read_text(
+        encoding="utf-8"
+    )
+    assert load_case(folder).file.run.integrator == "implicitfast"
 
 
 FLAIL = '<body pos="0 0 0.1"><joint name="flail"/><geom fromto="0 0 0 0 0 -0.4" size="0.03"/></body>'

@@ -33,7 +33,9 @@ MUJOCO, AUTO, TRACKED, PINV = (SolverSpec.parse(text) for text in ("mujoco", "au
 GIVEN = {
     "qpos": np.zeros(3),
     "qvel": np.zeros(3),
+    "act": np.zeros(0),
     "laws": [],
+    "held_s": None,
     "beta": 0.0,
     "k": 0.0,
     "observed": None,
@@ -304,8 +306,8 @@ except ValueError as error:
         ("_core.open_mujoco('a\\0b')", "is no path of a library"),
         ("_core.open_mujoco(_core.__file__)", "has no function mj_version"),
         (
-            "_core.Setup(model, qpos=np.zeros(7), qvel=np.zeros(6), laws=[], beta=0, k=0, observed=None, "
-            "conserved=False, inequalities=False, snapshots=[])",
+            "_core.Setup(model, qpos=np.zeros(7), qvel=np.zeros(6), act=np.zeros(0), laws=[], held_s=None, beta=0, "
+            "k=0, observed=None, conserved=False, inequalities=False, snapshots=[])",
             "MuJoCo's library is not opened yet",
         ),
     ],

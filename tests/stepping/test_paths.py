@@ -7,7 +7,7 @@ import pytest
 from mechanisms import four_bar
 from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case_file import Baumgarte
-from oarlock.diagnosis.runs.controls import drive
+from oarlock.mechanics.controls import drive
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
 from oarlock.stepping.path import Path

@@ -115,20 +115,12 @@ def test_calibration_notices_a_forgotten_field(tmp_path, forgotten, integrator, 
     assert difference(setup, Partial(setup.model, forgotten)) > CALIBRATION_BROKEN
 
 
-class FrozenDrive(Drive):
-    """Holds the controls over each whole step, as a loop around mj_step would."""
-
-    def apply(self, data):
-        steps = data.time / self._model.opt.timestep
-        if abs(steps - round(steps)) < 0.25 and round(steps) > getattr(self, "_last", -1):
-            self._last = round(steps)
-            super().apply(data)
-
-
 def test_calibration_notices_a_drive_held_over_the_step():
     case = load_case("boat")
     setup = setup_of(case, "rk4")
-    assert difference(setup, drive=FrozenDrive(setup.model, case)) > FROZEN_DRIVE
+    frozen = Drive(setup.model, case)
+    frozen.held_s = setup.timestep_s
+    assert difference(setup, drive=frozen) > FROZEN_DRIVE
 
 
 SPINNING = """

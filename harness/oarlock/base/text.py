@@ -44,6 +44,11 @@ def one_line(text: object) -> str:
     return visible(" ".join(str(text).split()))
 
 
+def quoted(name: str) -> str:
+    """A name in quotes; one that quotes others, such as ``connect of 'a' and 'b'``, stands as it is."""
+    return name if "'" in name else f"'{name}'"
+
+
 def markdown(text: object) -> str:
     """Text that stays text in Markdown, in a sentence and in a cell of a table."""
     return _MARKUP.sub(r"\\\1", one_line(text))

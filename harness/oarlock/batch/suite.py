@@ -37,6 +37,7 @@ from oarlock.cases.point import KEYS
 from oarlock.experiments.description import case_document, expectations
 from oarlock.experiments.holdings import others
 from oarlock.experiments.laboratory import Laboratory
+from oarlock.experiments.opening import open_case
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.task import Task
 from oarlock.tables.aggregate import Verdict, judge
@@ -255,7 +256,7 @@ def asked_for(models: Sequence[str]) -> list[tuple[str, Case | None, str]]:
             load_case(model)  # says which models there are
         try:
             asked = [where] if given else variant_names(where)
-            found += [(name, load_case(name), "") for name in asked]
+            found += [(name, open_case(name), "") for name in asked]
         except InputError as error:
             found.append((where, None, one_line(error)))
     names: dict[str, str] = {}
@@ -363,7 +364,7 @@ def refuse_others(suite: Suite) -> None:
             setup = Laboratory(case).setup(member.units[0].task.integrator, member.units[0].task.settings)
         except InputError:
             continue  # its units say so
-        held = others(path, case.name, runs, setup.timestep_s, setup.steps, setup.ignored)
+        held = others(path, case.name, runs, setup.timestep_s, setup.steps, setup.ignored, setup.told)
         if held:
             raise InputError(f"'{path}' holds {held} of 'oarlock run', expected another folder (--out), or none there")
 
@@ -403,7 +404,8 @@ def _tabulate(member: Member, case: Case, moment: dict[str, Any]) -> None:
 
 def _judge(member: Member, case: Case, moment: dict[str, Any]) -> None:
     ledger, rows, model = member.ledger, member.ledger.rows(), member.ledger.model()
-    results = Results(case, rows=rows, provenance={**inputs(case), **moment}, sums=ledger.sums())
+    told = {"motion": model["motion"]} if model and "motion" in model else {}
+    results = Results(case, rows=rows, provenance={**inputs(case), **told, **moment}, sums=ledger.sums())
     if model is not None:
         results.verdicts += expectations(case, model)
         _write_changed(ledger.folder, "case.json", case_document(case, model))

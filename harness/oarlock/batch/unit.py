@@ -17,12 +17,13 @@ from oarlock.base.errors import InputError, one_line
 from oarlock.base.hashing import of_document, of_file
 from oarlock.base.pulse import beat
 from oarlock.batch import digest
-from oarlock.cases.case import Case, load_case
+from oarlock.cases.case import Case
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.cases.point import OWN, TIMESTEP, Point
 from oarlock.experiments.description import describe
 from oarlock.experiments.laboratory import Laboratory
+from oarlock.experiments.opening import open_case
 from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task, Walk
@@ -157,7 +158,7 @@ def run_unit(unit: Unit) -> Outcome:
 
 
 def _run(unit: Unit) -> Outcome:
-    case = load_case(unit.case)
+    case = open_case(unit.case)
     if unit.digest != expected_digest(unit, case):
         raise InputError(f"'{case.name}' is not what it was when the suite was planned: files or versions differ")
     laboratory = Laboratory(unit.point.of(case), Conditions.at(unit.point), tick=beat)

@@ -27,10 +27,21 @@ class Case:
         parameters: value of every parameter, in the order of the case file.
         file: contents of the case file that hold for these parameters.
         listed: whether the case file states bounds for these parameters, because they are the defaults or a variant's.
+        bare: whether there is no case file: a model alone, whose start, controls and integrator a rule decides.
+        substituted: of a model alone, why its runs have not its own integrator; empty if they have.
     """
 
-    def __init__(self, model: str, model_path: Path, file: CaseFile, given: dict[str, Number] | None = None):
+    def __init__(
+        self,
+        model: str,
+        model_path: Path,
+        file: CaseFile,
+        given: dict[str, Number] | None = None,
+        *,
+        bare: bool = False,
+    ):
         self.model = model
+        self.bare, self.substituted = bare, ""
         self.model_path = model_path
         self.parameters = file.complete(given or {})
         self.listed = self.parameters in file.listed_parameters()
@@ -66,7 +77,8 @@ class Case:
         Raises:
             InputError: a parameter is unknown, or a fraction where an integer is expected.
         """
-        other = Case(self.model, self.model_path, self.file, {**self.parameters, **parameters})
+        other = Case(self.model, self.model_path, self.file, {**self.parameters, **parameters}, bare=self.bare)
+        other.substituted = self.substituted
         other.file = other.file.model_copy(update={"run": self.file.run, "published": []})
         return other
 
@@ -134,7 +146,7 @@ def _found(model: str | Path) -> Case:
         case_path = path.parent / "case.toml"
         if path.stem == "model" and case_path.is_file():
             return Case(path.resolve().parent.name, path, read_case_file(case_path), given)
-        return Case(path.stem, path, CaseFile(title=path.stem, endings=[]), given)
+        return Case(path.stem, path, CaseFile(title=path.stem, endings=[]), given, bare=True)
     folder = MODELS / text if text in model_names() else path
     if folder.is_file():
         raise InputError(f"'{path}', expected a model's name, its folder, or an MJCF file whose name ends in .xml")

@@ -67,10 +67,14 @@ class Start(_Table):
     """The start of a case. What it does not name is as in the model.
 
     Attributes:
+        keyframe: name of the keyframe to begin from, with its velocities, activations and poses of mocap bodies;
+            ``#2`` for one without a name, ``none`` for the model's own pose; left out: the one called ``start``, if
+            there is one. Its controls are not taken: ``[drive]`` says what they are.
         qpos: name of a joint → its position, rad or m; a list for ball and free joints.
         qvel: name of a joint → its velocity, rad/s or m/s; a list for ball and free joints.
     """
 
+    keyframe: str | None = None
     qpos: dict[str, Finite | list[Finite]] = {}
     qvel: dict[str, Finite | list[Finite]] = {}
 
@@ -81,10 +85,13 @@ class Drive(_Table):
     Attributes:
         constants: name → number, or expression of earlier constants.
         ctrl: name of an actuator → expression of the time t (s) and the constants.
+        held: whether controls are set before a step and held over it, as a program does that calls ``mj_step``; else
+            they follow their laws at every stage of the integrator.
     """
 
     constants: dict[str, Finite | str] = {}
     ctrl: dict[str, str] = {}
+    held: Annotated[bool, Field(strict=True)] = False
 
     def values(self) -> dict[str, float]:
         """Evaluates the constants.

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from oarlock.cases.case import Case
+from oarlock.cases.motion import RULE, Motion
 from oarlock.cases.point import SEED, SOLREF, TIMESTEP, Point
 
 
@@ -16,6 +17,7 @@ class Conditions:
         ignore_inequalities: leave out the model's contacts, limits and friction, whatever the case says.
         solref_s: time constant of every equality, s, with the damping ratio 1.
         seed: of a disturbance of the start.
+        motion: where it starts and what drives it.
     """
 
     timestep_s: float | None = None
@@ -23,6 +25,7 @@ class Conditions:
     ignore_inequalities: bool = False
     solref_s: float | None = None
     seed: int | None = None
+    motion: Motion = RULE
 
     @classmethod
     def at(cls, point: Point) -> "Conditions":
@@ -33,7 +36,7 @@ class Conditions:
         """Whether they are the case's own, for which its bounds were set."""
         run = case.file.run
         given = self.timestep_s in (None, run.timestep_s) and self.duration_s in (None, run.duration_s)
-        return given and self.solref_s is None and self.seed is None
+        return given and self.solref_s is None and self.seed is None and not self.motion.given
 
 
 OWN = Conditions()

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from oarlock.base.errors import InputError
+from oarlock.base.text import quoted
 
 TURN = "turn "
 """Begins the label of a row that holds an orientation."""
@@ -99,4 +100,4 @@ KNOWN = f"{', '.join(_FIRST)} or {_LAST}"
 
 def unknown(name: str, kind: EqualityKind) -> InputError:
     """Says that an equality is of a kind whose rows are not known, and which are."""
-    return InputError(f"equality '{name}' is a {kind}, expected {KNOWN}")
+    return InputError(f"equality {quoted(name)} is a {kind}, expected {KNOWN}")

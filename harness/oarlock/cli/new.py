@@ -7,8 +7,10 @@ from typing import Annotated
 import typer
 
 from oarlock.base.text import visible
+from oarlock.cases.motion import Motion
 from oarlock.cli.bar import bar
 from oarlock.cli.console import ends
+from oarlock.cli.motion import ControlOption, KeyframeOption, SeedOption, given_controls
 
 
 @ends()
@@ -22,12 +24,24 @@ def new(
     outside: Annotated[
         bool, typer.Option("--outside", help="Copy files that it names outside its own folder, too.")
     ] = False,
+    keyframe: KeyframeOption = None,
+    controls: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND",
+            help="keyframe, constant or random (smooth) [default: the keyframe's, where it starts from one, else "
+            "random].",
+        ),
+    ] = None,
+    control: ControlOption = None,
+    seed: SeedOption = 0,
 ) -> None:
     """Writes the case of a model: a folder with a self-contained copy, case.toml and README.md."""
     from oarlock.scaffold.scaffold import models_folder, new_model
 
     with bar() as progress:
-        folder, scaffold = new_model(name, file, to, progress, outside=outside)
+        asked = Motion(keyframe, controls, given_controls(control), seed)
+        folder, scaffold = new_model(name, file, to, progress, outside=outside, asked=asked)
     for line in scaffold.lines():
         print(visible(line))
     listed = folder.parent == models_folder()

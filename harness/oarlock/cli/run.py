@@ -8,11 +8,13 @@ from rich.table import Table
 
 from oarlock.base.errors import InputError
 from oarlock.base.numbers import short
+from oarlock.base.text import visible
 from oarlock.cases.case import load_case
 from oarlock.cases.case_file import Stabilisation
 from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
 from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, console, emit_json, ends, one_of, say, shown
+from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
@@ -28,6 +30,8 @@ def _print_summary(results: Results) -> None:
     for row in results.rows:
         table.add_row(*(shown(short(value)) for value in glance(row)))
     console().print(table)
+    integrators = ", ".join(dict.fromkeys(row["integrator"] for row in results.rows))
+    print(visible(f"{results.motion}; integrator {integrators}"))
 
 
 @ends()
@@ -45,6 +49,10 @@ def run(
     stabilisation: Annotated[
         str | None, typer.Option(help=f"What holds exact constraints: {one_of(get_args(Stabilisation))}")
     ] = None,
+    keyframe: KeyframeOption = None,
+    controls: ControlsOption = None,
+    control: ControlOption = None,
+    seed: SeedOption = 0,
     timestep: Annotated[float | None, typer.Option(metavar="S", help="Timestep in s.")] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Duration in s.")] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the solvers that have one.")] = None,
@@ -66,7 +74,7 @@ def run(
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
 ) -> None:
-    """Runs a model's comparison. With none of the options before --timestep it runs the experiments of its case."""
+    """Runs a model's comparison. With none of the options before --keyframe it runs the experiments of its case."""
     options = RunOptions(
         solver=solver or (),
         form=form,
@@ -74,6 +82,10 @@ def run(
         walker=walker,
         integrator=integrator,
         stabilisation=stabilisation,
+        keyframe=keyframe,
+        controls=controls,
+        control=given_controls(control),
+        seed=seed,
         timestep=timestep,
         duration=duration,
         rtol=rtol,
@@ -92,6 +104,8 @@ def run(
         emit_json(results.document(), as_json)
     if as_json != "-":
         _print_summary(results)
+    if results.still:
+        say("oarlock: nothing moves: give it a start with a velocity (--keyframe), or controls (--controls, --control)")
     if "inequalities_ignored" in results.provenance:
         say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
     lost = results.lost

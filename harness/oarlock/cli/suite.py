@@ -69,11 +69,20 @@ def suite(
             found = session.sweep(models or [], sweep, progress=progress, **wanted)
         else:
             found = session.suite(models or [], progress=progress, **wanted)
+    _say_motions(found)
     _say_what_failed(found)
     if as_json:
         emit_json(found.document(), as_json)
     if found.status:
         raise typer.Exit(found.status)
+
+
+def _say_motions(suite: "Suite") -> None:
+    """Of models alone: of the others the case says it."""
+    for member in suite.members:
+        model = member.ledger.model()
+        if model and "motion" in model:
+            say(f"oarlock: {member.name}: {model['motion']}")
 
 
 def _say_what_failed(suite: "Suite") -> None:

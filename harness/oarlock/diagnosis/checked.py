@@ -19,6 +19,7 @@ from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 
 if TYPE_CHECKING:
     from oarlock.diagnosis.examination import Examination
+    from oarlock.diagnosis.fix.fix import Fix
     from oarlock.diagnosis.verdict.findings import Finding
 
 
@@ -28,12 +29,14 @@ class Checked(Answer):
     Attributes:
         examination: all that was found out, over time.
         verdict: the findings as objects, the worst first.
+        fixed: what the last ``fix`` made; None: there was none.
     """
 
     FRAMES = ("findings", "drift", "causes", "accelerations", "trials")
 
     def __init__(self, examination: "Examination", verdict: "list[Finding]"):
         self.examination, self.verdict = examination, verdict
+        self.fixed: Fix | None = None
 
     @property
     def findings(self) -> pl.DataFrame:
@@ -79,7 +82,22 @@ class Checked(Answer):
         """As ``oarlock check --json``."""
         from oarlock.diagnosis.page.document import document
 
-        return document(self.examination, self.verdict)
+        return {**document(self.examination, self.verdict), "fix": self.fixed.document() if self.fixed else None}
+
+    def fix(self, out: str | Path) -> "Fix":
+        """Writes one file with everything that helps, as ``oarlock check --fix``, and checks it.
+
+        Args:
+            out: the file; what is there is replaced.
+
+        Raises:
+            InputError: the model is no MJCF file, or the file is the model itself or cannot be written.
+        """
+        from oarlock.diagnosis.fix.fix import fix_model
+
+        with _one_thread(), mujoco_ends_in_a_line(self.examination.file):
+            self.fixed = fix_model(self.examination, self.verdict, Path(out))
+        return self.fixed
 
     def report(self, folder: str | Path) -> Path:
         """Writes the page of the check, as ``oarlock check --report``."""
@@ -136,6 +154,8 @@ def check(
 ) -> Checked:
     """Finds out why the loops of a model come apart, and what would hold them.
 
+    With ``lint=True`` only what can be seen without a run: findings alone, in milliseconds.
+
     Args:
         file: MJCF file, or name of a model that comes along.
         options: what is asked for.
@@ -148,8 +168,9 @@ def check(
     from oarlock.diagnosis.examination import PARTS
 
     progress = progress or Progress()
-    progress.begin("checking", len(PARTS))
-    examination = begun(file, complete(CheckOptions, options, keywords))
+    options = complete(CheckOptions, options, keywords)
+    progress.begin("checking", 0 if options.lint else len(PARTS))
+    examination = begun(file, options)
     for part in parts(examination):
         progress.advance(1)
         progress.finished(part)

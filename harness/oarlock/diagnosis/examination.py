@@ -1,35 +1,48 @@
 """An examination: one model looked at from its loops to what would hold them, each part as soon as it is there."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError, choose
+from oarlock.base.errors import InputError, choose, few
 from oarlock.cases.case import load_case
 from oarlock.cases.integrators import RUNNING
+from oarlock.diagnosis.lint import collision
+from oarlock.diagnosis.lint.collision import Collision
+from oarlock.diagnosis.lint.lints import look
+from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.diagnosis.loops.events import RankHistory, rank_events
+from oarlock.diagnosis.loops.extent import extent
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.loops.stops import Stops, find_stops
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
-from oarlock.diagnosis.options import CheckOptions
-from oarlock.diagnosis.runs import controls
+from oarlock.diagnosis.options import CheckOptions, usual_target
+from oarlock.diagnosis.runs.branch import Branch, find_branch
+from oarlock.diagnosis.runs.deadpoint import TORN, DeadPoint, find_dead_point
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
 from oarlock.diagnosis.runs.exact import ExactRun, record_exact
 from oarlock.diagnosis.runs.fights import Fight, find_fight
 from oarlock.diagnosis.runs.lag import Lag, find_lags
+from oarlock.diagnosis.runs.lasting import Lasting, find_lasting
+from oarlock.diagnosis.runs.pace import Pace, find_pace
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
+from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
+from oarlock.diagnosis.runs.without import Without, find_without
+from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import load_mechanism, set_integrator
+from oarlock.stepping.beginning import Beginning, beginning_of_case, beginning_of_file
+from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.start import consistent_start
 
 DURATION_S = 2.0
@@ -55,12 +68,14 @@ class Examination:
     Attributes:
         file: as it was given; path: of the MJCF.
         model: the user's, with nothing changed.
-        qpos, qvel: the user's start, (nq) and (nv).
+        qpos, qvel, act: the user's start, (nq), (nv) and (na).
         begins: where that start comes from, in words.
         laws: actuator → control as a law of time; driven: the same in words.
         own_s: how long the case's own run takes, s; None of a file.
         steps: of the run.
         ignored: contacts, limits and friction that were left out, in words; empty if none were.
+        remarks: lint → what can be seen without a run.
+        collisions: bodies that an equality joins and that collide, with what they cost in the run.
         pose: the nearest closed start, with the loops there (``pose.loops``).
         settings: spring, damper and stability of every equality.
         recording: MuJoCo's own run; exact: the exact solution from the closed start.
@@ -69,6 +84,12 @@ class Examination:
         history: the rank along the exact motion, or along MuJoCo's where there is none.
         recipe: what would hold it.
         reactions: which are unique.
+        size: of the loops at the closed start, m.
+        without: what is left of the drift where time stepping is taken away.
+        pace: the joint that turns furthest within a step.
+        dead_point: a joint that MuJoCo takes beyond what the loops admit.
+        branch: another branch that MuJoCo's run ends on.
+        lasting: what stays open for good behind an open start.
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
         fight: limits and contacts that push against loops alone in the exact run.
@@ -86,8 +107,11 @@ class Examination:
     driven: str
     own_s: float | None
     options: CheckOptions
+    act: np.ndarray = field(default_factory=lambda: np.zeros(0))
     steps: int = 0
     ignored: str = ""
+    remarks: dict[str, list[Remark]] = field(default_factory=dict)
+    collisions: tuple[Collision, ...] = ()
     pose: ClosedPose | None = None
     settings: list[EqualityStability] = field(default_factory=list)
     recording: Recording | None = None
@@ -98,6 +122,12 @@ class Examination:
     history: RankHistory | None = None
     recipe: Recipe | None = None
     reactions: Uniqueness | None = None
+    size: float = 1.0
+    without: list[Without] = field(default_factory=list)
+    pace: Pace | None = None
+    dead_point: DeadPoint | None = None
+    branch: Branch | None = None
+    lasting: list[Lasting] = field(default_factory=list)
     lags: tuple[Lag, ...] = ()
     stops: Stops | None = None
     fight: Fight | None = None
@@ -114,6 +144,11 @@ class Examination:
     def duration_s(self) -> float:
         """Of the run."""
         return self.steps * self.timestep_s
+
+    @property
+    def target(self) -> float:
+        """Wanted drift, m or rad: as asked for, or by the size of the loops."""
+        return self.options.target or usual_target(self.size)
 
     @property
     def closed(self) -> bool:
@@ -141,66 +176,43 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
 
 def _of_file(path: Path, options: CheckOptions) -> Examination:
     model = load_model(path)
-    data = mujoco.MjData(model)
-    begins = "the model's own pose, at rest"
-    if model.nkey or options.keyframe is not None:
-        wanted = options.keyframe
-        key = controls.keyframe(model, int(wanted) if wanted is not None and wanted.isdigit() else wanted)
-        mujoco.mj_resetDataKeyframe(model, data, key)
-        for body in range(model.nbody):  # every data that is made of the model then has them there
-            if (mocap := int(model.body_mocapid[body])) >= 0:
-                model.body_pos[body], model.body_quat[body] = data.mocap_pos[mocap], data.mocap_quat[mocap]
-        begins = f"keyframe '{model.key(key).name or f'#{key}'}'"
-    kind, laws = _driven(model, options)
-    return Examination(str(path), path, model, data.qpos.copy(), data.qvel.copy(), begins, laws, kind, None, options)
-
-
-def _driven(model: mujoco.MjModel, options: CheckOptions) -> tuple[str, dict[str, str]]:
-    """The controls in words, and as laws."""
-    if model.nu == 0:
-        return "no actuators", {}
-    kind = options.controls or ("constant" if options.control else "keyframe" if _keeps(model, options) else "random")
-    laws = controls.laws(
-        model, choose("kind of controls", kind, controls.KINDS), options.keyframe, options.seed, options.control
-    )
-    words = {
-        "keyframe": "the keyframe's controls, held",
-        "constant": "constant controls",
-        "random": f"a random smooth control of every actuator (seed {options.seed})",
-    }
-    return words[kind], laws
-
-
-def _keeps(model: mujoco.MjModel, options: CheckOptions) -> bool:
-    """Whether there is a keyframe that says what the controls are."""
-    return bool(model.nkey) and bool(model.key_ctrl[controls.keyframe(model, options.keyframe)].any())
+    return _begun(str(path), path, model, beginning_of_file(model, options.motion), options)
 
 
 def _of_case(name: str, options: CheckOptions) -> Examination:
     case = load_case(name)
     run = case.file.run
     model = load_mechanism(case, integrator=run.integrator)
-    start = consistent_start(model, case)
-    kind, laws = "the case's own drive", controls.written_out(case.file.drive)
-    if options.controls or options.control:
-        kind, laws = _driven(model, options)
-    elif not laws:
-        kind = "no drive" if model.nu else "no actuators"
+    begins = beginning_of_case(model, case, options.motion)
+    start = consistent_start(model, case, begins=begins)
+    begins = replace(begins, qpos=start.qpos, qvel=start.qvel)
     ignoring = run.ignore_inequalities and not options.ignore_inequalities
     ignored = ignore_inequalities(model) if ignoring else ""
-    begins = f"the start of case '{case.name}'"
+    return _begun(name, case.model_path, model, begins, options, run.duration_s, ignored)
+
+
+def _begun(
+    file: str,
+    path: Path,
+    model: mujoco.MjModel,
+    begins: Beginning,
+    options: CheckOptions,
+    own_s: float | None = None,
+    ignored: str = "",
+) -> Examination:
     return Examination(
-        name,
-        case.model_path,
+        file,
+        path,
         model,
-        start.qpos,
-        start.qvel,
-        begins,
-        laws,
-        kind,
-        run.duration_s,
+        begins.qpos,
+        begins.qvel,
+        begins.begins,
+        begins.laws,
+        begins.driven,
+        own_s,
         options,
-        ignored=ignored or "",
+        act=begins.act,
+        ignored=ignored,
     )
 
 
@@ -223,7 +235,13 @@ def examine(found: Examination) -> Iterator[str]:
     A part that cannot be found out leaves its reason in ``missing``; the others go on.
     """
     data = _data(found)
+    if found.options.lint:
+        _lint(found)
+        found.settings = stability(found.model)
+        return
     found.pose = nearest_closed(found.model, found.qpos, found.qvel, data, hold=found.options.hold)
+    found.size = extent(found.model, found.pose.loops, data)
+    _lint(found)
     yield "loops"
     found.settings = stability(found.model)
     yield "start"
@@ -237,19 +255,43 @@ def examine(found: Examination) -> Iterator[str]:
     yield "forces"
 
 
+def _lint(found: Examination) -> None:
+    """What can be seen without a run."""
+    view = View(found.model, _data(found), found.pose)
+    found.collisions = collision.find(view)
+    found.remarks = look(view)
+
+
+def _collisions(found: Examination) -> None:
+    """What the bodies that collide cost: the same run without their contacts."""
+    recording = found.recording
+    if recording is None or not recording.steps:
+        return
+    view = View(found.model, _data(found), found.pose)
+    every = [*found.collisions, *collision.later(view, recording.pushes, found.collisions)]
+    if every:
+        pairs = {one.bodies for one in every}
+        without = drifts_without(recording, pairs)
+        found.collisions = collision.measured(every, found.drifts, without)
+        found.remarks["collision"] = list(collision.tell(found.collisions))
+
+
 def _data(found: Examination) -> mujoco.MjData:
+    """The start, with flexes let go: their rows are not looked at."""
     data = mujoco.MjData(found.model)
-    data.qpos[:], data.qvel[:] = found.qpos, found.qvel
+    data.eq_active[flex_equalities(found.model)] = 0
+    data.qpos[:], data.qvel[:], data.act[:] = found.qpos, found.qvel, found.act
     return data
 
 
 def _run(found: Examination) -> None:
     assert found.pose is not None
     with _Reason(found, "run"):
-        found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps)
+        found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps, act=found.act)
     if found.closed:
         with _Reason(found, "exact"):
-            found.exact = record_exact(found.model, found.pose.qpos, found.pose.qvel, found.laws, found.steps)
+            model, pose = _exact_model(found), found.pose
+            found.exact = record_exact(model, pose.qpos, pose.qvel, found.laws, found.steps, act=found.act)
             end = found.exact.end
             if end.how == "diverged":  # what it showed before proves nothing
                 found.exact = None
@@ -263,7 +305,29 @@ def _run(found: Examination) -> None:
         found.missing["exact"] = "there is no closed start to run it from"
     if found.recording is not None:
         found.drifts = find_drifts(found.recording, found.exact)
-        found.lags = find_lags(found.recording, found.qpos, found.qvel, found.laws, VISIBLE)
+        with _Reason(found, "collisions"):
+            _collisions(found)
+        found.lags = find_lags(found.recording, VISIBLE)
+        found.pace = find_pace(found.recording, found.exact)
+        if found.closed and found.recording.steps:
+            loops = found.pose.loops
+            found.dead_point = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
+
+
+def _exact_model(found: Examination) -> mujoco.MjModel:
+    """The model of the exact run: without its flexes, where nothing joins them to the loops.
+
+    Raises:
+        InputError: something does.
+    """
+    assert found.pose is not None
+    loops = found.pose.loops
+    touched = found.recording is not None and any("flex" in push.name for push in found.recording.pushes)
+    dofs = sorted({dof for number in range(len(loops.groups)) for dof in loops.dofs(number)})
+    if flex_equalities(found.model) and (touched or joined(found.model, dofs)):
+        names = few([f"'{name}'" for name in flex_names(found.model)])
+        raise InputError(f"the flex {names} is left as MuJoCo has it, and acts on the loops")
+    return without_flexes(found.model)
 
 
 def _causes(found: Examination) -> None:
@@ -274,11 +338,26 @@ def _causes(found: Examination) -> None:
         if attribution.holds:
             found.attribution = attribution
             found.accelerations = attribution.accelerations()
+            _taken_away(found, attribution)
         else:
             found.missing["causes"] = (
                 f"MuJoCo's rows do not follow the law of an oscillator (defect {attribution.defect:.1g}), "
                 f"as under the integrator '{found.recording.integrator}'"
             )
+
+
+def _taken_away(found: Examination, attribution: Attribution) -> None:
+    """What is measured by runs without a cause."""
+    recording = attribution.recording
+    if recording.end.how != "finished" or found.pose is None:
+        return
+    drifting = {one.equality for one in found.drifts if one.level == "position" and one.largest > found.target}
+    if any(one.leading == "stepping" and one.name in drifting for one in attribution.shares):
+        found.without = find_without(recording)
+    opened = {one.equality for one in found.pose.openings if one.largest > CONSISTENT}
+    if opened and found.closed:
+        least = max(found.target, VISIBLE)
+        found.lasting = find_lasting(attribution, opened, least)
 
 
 def _remedy(found: Examination) -> None:
@@ -287,10 +366,10 @@ def _remedy(found: Examination) -> None:
     elif found.options.budget <= 0:
         found.missing["remedy"] = "it was not asked for"
     elif found.recording is not None:
-        start = Start(found.pose.qpos, found.pose.qvel)
+        start = Start(found.pose.qpos, found.pose.qvel, found.act)
         with _Reason(found, "remedy"):
             found.recipe = recipe(
-                found.model, start, found.laws, found.options.target, found.duration_s, budget_s=found.options.budget
+                found.model, start, found.laws, found.target, found.duration_s, budget_s=found.options.budget
             )
 
 
@@ -301,6 +380,7 @@ def _forces(found: Examination) -> None:
     with _Reason(found, "rank"):
         if len(path) > 1 and found.closed:
             found.history = rank_events(found.model, path, times, data)
+    _branch(found)
     every = max(1, len(path) // POSES)
     with _Reason(found, "reactions"):
         found.reactions = find_uniqueness(found.model, path[::every] if len(path) > 1 else None, data)
@@ -309,6 +389,15 @@ def _forces(found: Examination) -> None:
             found.given = wrenches(found.model, found.recording.qpos, found.recording.force, data)
         if found.exact is not None and len(found.exact.qpos):
             found.determined = wrenches(found.model, found.exact.qpos, found.exact.force, data)
+
+
+def _branch(found: Examination) -> None:
+    """Looked for where the motion comes near a singular pose, or the loops are torn."""
+    if found.recording is None or found.exact is None or found.pose is None or found.dead_point is not None:
+        return
+    near = found.history is not None and bool(found.history.events)
+    if near or float(found.recording.drift.max(initial=0.0)) > TORN * found.size:
+        found.branch = find_branch(found.recording, found.exact, found.pose.loops, found.size, _data(found))
 
 
 def _motion(found: Examination) -> tuple[np.ndarray, np.ndarray]:

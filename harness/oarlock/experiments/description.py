@@ -14,7 +14,9 @@ from oarlock.tables.aggregate import Verdict
 def describe(setup: PreparedCase) -> dict[str, Any]:
     """What the model turns out to be at its consistent start."""
     start = setup.start
+    told = {} if setup.told is None else {"motion": setup.told}
     return {
+        **told,
         "nq": int(setup.model.nq),
         "nv": int(setup.model.nv),
         "rows": start.rows,

@@ -10,7 +10,15 @@ from oarlock.tables.folder import ResultFolder
 from oarlock.tables.ledger import NAME as LEDGER
 
 
-def others(folder: Path, case: str, runs: Collection[str], timestep_s: float, steps: int, ignored: str | None) -> str:
+def others(
+    folder: Path,
+    case: str,
+    runs: Collection[str],
+    timestep_s: float,
+    steps: int,
+    ignored: str | None,
+    motion: str | None = None,
+) -> str:
     """Says what a folder holds that the runs of a case would not write anew.
 
     Args:
@@ -20,6 +28,7 @@ def others(folder: Path, case: str, runs: Collection[str], timestep_s: float, st
         timestep_s: their timestep, s.
         steps: number of their steps.
         ignored: what of the model they ignore; None for nothing.
+        motion: where they start and what drives them, in words; None: as the case says.
 
     Returns:
         What it is, in words; empty if nothing there would be lost.
@@ -37,6 +46,8 @@ def others(folder: Path, case: str, runs: Collection[str], timestep_s: float, st
             return f"runs of {row.get('steps')} steps of {row.get('timestep_s')} s"
     if rows and provenance.get("inequalities_ignored") != ignored:
         return "runs with" + ("" if ignored else "out") + " contacts, limits and friction"
+    if rows and provenance.get("motion") != motion:
+        return "runs from another start or with other controls"
     return ""
 
 

@@ -1,7 +1,7 @@
 """What a user may ask of a run."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from oarlock.base.arguments import require_count, require_number
@@ -9,6 +9,7 @@ from oarlock.base.errors import InputError, choose
 from oarlock.cases.case_file import Form, Stabilisation
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.integrators import RUNNING
+from oarlock.cases.motion import Motion
 from oarlock.experiments.modes import ASKABLE
 from oarlock.stepping.solvers import SolverSpec
 
@@ -31,6 +32,12 @@ class RunOptions:
         integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``.
         stabilisation: what keeps exact constraints from drifting: ``baumgarte``, ``projection`` or ``both``. Left out,
             and where the case says nothing: projection, wherever a solver walks.
+        keyframe: of a file without a case, where it starts: name or number of a keyframe, ``none`` for the model's own
+            pose; left out: the first keyframe, or the model's own pose where there is none.
+        controls: ``keyframe``, ``constant``, ``random``, or a log ``FILE.csv`` or ``FILE.npz``, in place of the case's
+            drive; left out, of a file without a case: the keyframe's where the run starts from one, else random.
+        control: actuator → control, a number or a law of the time t in s.
+        seed: of random controls.
         timestep: timestep, s.
         duration: duration, s.
         rtol: relative tolerance of the solvers that have one.
@@ -50,6 +57,10 @@ class RunOptions:
     walker: str | None = None
     integrator: str | None = None
     stabilisation: str | None = None
+    keyframe: str | None = None
+    controls: str | None = None
+    control: Mapping[str, float | str] = field(default_factory=dict)
+    seed: int = 0
     timestep: float | None = None
     duration: float | None = None
     rtol: float | None = None
@@ -73,6 +84,7 @@ class RunOptions:
         for what, name, valid in choices:
             if name is not None:
                 choose(what, name, valid)
+        _ = self.motion
         for text in (*self.solvers, *filter(None, [self.walker])):
             SolverSpec.parse(text)
 
@@ -89,4 +101,9 @@ class RunOptions:
     @property
     def conditions(self) -> Conditions:
         """What of them differs from the conditions of the case."""
-        return Conditions(self.timestep, self.duration, self.ignore_inequalities)
+        return Conditions(self.timestep, self.duration, self.ignore_inequalities, motion=self.motion)
+
+    @property
+    def motion(self) -> Motion:
+        """Where the runs start and what drives them."""
+        return Motion(self.keyframe, self.controls, self.control, self.seed)

@@ -50,6 +50,8 @@ class Results(Answer):
         sketch: its drawing; None where no run took a step.
         truth: the outside truth at times of the steps, where there is one.
         folder: where all of it is kept; None: in memory only.
+        motion: where the runs start and what drives them, in words.
+        still: whether nothing moves: in the exact runs, or in the others where there are none.
     """
 
     FRAMES = ("summary", "steps")
@@ -63,6 +65,8 @@ class Results(Answer):
     sketch: dict[str, Any] | None = None
     truth: pl.DataFrame | None = None
     folder: Path | None = None
+    motion: str = ""
+    still: bool = False
     sums: Sums = field(default_factory=dict)
     """Name of a table in the folder → its checksum."""
 

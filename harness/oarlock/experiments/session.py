@@ -4,6 +4,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from oarlock.base.arguments import complete, takes
 from oarlock.base.cores import cores
 from oarlock.base.errors import InputError
@@ -12,10 +14,11 @@ from oarlock.base.forks import require_threads
 from oarlock.base.lock import locked
 from oarlock.base.progress import Progress
 from oarlock.base.scratch import sweep_up
-from oarlock.cases.case import Case, load_case
+from oarlock.cases.case import Case
 from oarlock.experiments.description import case_document, describe, expectations
 from oarlock.experiments.holdings import beside, others
 from oarlock.experiments.laboratory import Laboratory
+from oarlock.experiments.opening import open_case
 from oarlock.experiments.options import RunOptions
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.plan import plan
@@ -27,6 +30,9 @@ from oarlock.tables.aggregate import judge, summarise
 from oarlock.tables.folder import SUMMARY, ResultFolder, scan_parquet
 from oarlock.tables.provenance import inputs, occasion
 from oarlock.tables.schema import RunResult
+
+STILL = 1e-9
+"""rad or m. Coordinates that change by less over a run do not move: the digits of a file, and rounding."""
 
 
 @takes(RunOptions)
@@ -55,15 +61,15 @@ def run(
     """
     require_threads()
     options = complete(RunOptions, options, keywords)
-    return _run(load_case(model), options, None if out is None else Path(out), replace, progress or Progress())
+    return _run(model, options, None if out is None else Path(out), replace, progress or Progress())
 
 
 def run_beside(model: str | Path, options: RunOptions, out: Path, progress: Progress) -> Results:
     """Runs a model as ``run`` does; where ``out`` holds other results, the tables go to ``out-2`` and so on."""
-    case, reason = load_case(model), ""
+    reason = ""
     for folder in beside(out):
         try:
-            results = _run(case, options, folder, False, progress)
+            results = _run(model, options, folder, False, progress)
         except _HeldError as held:
             reason = reason or str(held).partition(", expected")[0]
         else:
@@ -77,9 +83,9 @@ class _HeldError(InputError):
     """A folder holds results that would be lost."""
 
 
-def _run(case: Case, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
+def _run(model: str | Path, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
     with mujoco_ends_in_a_line():
-        return _run_quietly(case, options, folder, replace, progress)
+        return _run_quietly(open_case(model), options, folder, replace, progress)
 
 
 def _run_quietly(case: Case, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
@@ -96,7 +102,7 @@ def _run_quietly(case: Case, options: RunOptions, folder: Path | None, replace: 
 
 def _refuse_others(folder: Path, case: Case, tasks: list[Task], setup: PreparedCase) -> None:
     names = {name for task in tasks for walk in task.walks() for name in walk.names}
-    held = others(folder, case.name, names, setup.timestep_s, setup.steps, setup.ignored)
+    held = others(folder, case.name, names, setup.timestep_s, setup.steps, setup.ignored, setup.told)
     if held:
         raise _HeldError(f"'{folder}' holds {held}, expected another folder (--out), or --replace")
 
@@ -113,8 +119,10 @@ def _carried_out(
     progress.begin("running", setup.steps * sum(len(task.walks()) for task in tasks))
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
-    provenance = {**inputs(case), **ignored, **occasion()}
+    told = {} if setup.told is None else {"motion": setup.told}
+    provenance = {**inputs(case), **ignored, **told, **occasion()}
     results = Results(case, provenance=provenance, model=describe(setup), truth=setup.truth, folder=folder)
+    results.motion = setup.told or str(setup.begins)
     results.verdicts += expectations(case, results.model)
     keeper = _Keeper(results, setup)
     for result in laboratory.run_all(tasks, options.threads or cores()):
@@ -133,6 +141,7 @@ class _Keeper:
 
     def __init__(self, results: Results, setup: PreparedCase):
         self._results, self._setup = results, setup
+        self._seen = self._exact = False
         self._folder = ResultFolder(results.folder) if results.folder else None
         if self._folder:
             self._folder.write_json("case.json", case_document(results.case, results.model))
@@ -146,8 +155,13 @@ class _Keeper:
             with uninterrupted():
                 results.sums |= folder.write_steps(result)
                 folder.write_json(SUMMARY, results.kept(), indent=None)  # written again after every run
+        path = traced(result.steps) if len(result.steps) else np.zeros((0, self._setup.model.nq))
+        exact = (result.key.mode, result.key.form) == ("free", "hard")
+        if len(path) > 1 and results.rows[-1]["status"] != "diverged" and (exact or not self._exact):
+            moves = bool(np.abs(path - path[0]).max() > STILL)
+            results.still = not moves and (results.still or not self._seen or (exact and not self._exact))
+            self._seen, self._exact = True, exact
         if results.sketch is None and len(result.steps):
-            path = traced(result.steps)
             results.sketch = sketch(self._setup.model, self._setup.start.qpos, path)
             if folder:
                 folder.write_json("sketch.json", results.sketch)

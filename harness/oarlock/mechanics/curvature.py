@@ -91,18 +91,21 @@ _COUPLINGS: dict[str, Callable[[mujoco.MjModel, int], _Coupling]] = {"joints": _
 class Curvature:
     """Computes J̇v of the active rows of every kind of equality that is known.
 
+    Args:
+        lenient: rows of other kinds are left as MuJoCo has them, instead of being refused.
+
     Raises:
         InputError: an active equality is of another kind.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, *, lenient: bool = False):
         self._couplings: dict[int, _Coupling] = {}
         self._unknown: dict[int, Equality] = {}
         for equality in equalities(model):
             index = equality.index
             if equality.kind.leaves_curvature_out:
                 self._couplings[index] = _COUPLINGS[equality.kind.holds](model, index)
-            elif not equality.kind.known:
+            elif not equality.kind.known and not lenient:
                 self._unknown[index] = equality
                 if data.eq_active[index]:
                     self._refuse(index)

@@ -5,6 +5,7 @@ to six digits, and a loop that was closed to 1e-16 would come out open. That the
 are compiled, and every array of the two must be equal bit for bit.
 """
 
+import os
 import re
 import shutil
 import xml.etree.ElementTree as ET
@@ -25,7 +26,7 @@ from oarlock.mechanics.load import load_model
 ASSETS = "assets"
 """Name of the folder of the files that a copy refers to."""
 
-_FILES = {
+FILES = {
     "mesh": ("file",),
     "hfield": ("file",),
     "skin": ("file",),
@@ -102,6 +103,7 @@ class Copier:
         self.header = ""
         self._folder = folder
         self._taken: dict[str, Path] = {}
+        self._included: dict[ET.Element, Path] = {}  # folder of the included file that an element is written in
 
     # Files.
 
@@ -141,6 +143,8 @@ class Copier:
             require_within(path, self._tree)
             root = self._parse(path)
             self._paste(root, base, path.parent)
+            for element in root.iter():
+                self._included.setdefault(element, path.parent)
             at = list(parent).index(child)
             parent.remove(child)
             for offset, element in enumerate(root):
@@ -157,18 +161,20 @@ class Copier:
             strip = compiler.attrib.pop("strippath", "true" if strip else "false") == "true"
         for element in root.iter():
             where = textures if element.tag == "texture" else meshes
-            for attribute in _FILES.get(element.tag, ()) if isinstance(element.tag, str) else ():
+            for attribute in FILES.get(element.tag, ()) if isinstance(element.tag, str) else ():
                 if (file := element.get(attribute)) and not _unread(element):
                     file = Path(file).name if strip else file
-                    element.set(attribute, prefix + self._keep(self._find(file, [where, base]), element))
+                    folders = [where, base, *filter(None, [self._included.get(element)])]
+                    element.set(attribute, prefix + self._keep(self._find(file, folders), element))
             if element.tag == "model" and (file := element.get("file")):
                 element.set("file", prefix + self._keep_model(self._find(file, [base]), element))
 
     def _find(self, file: str, folders: list[Path]) -> Path:
-        for folder in folders:
-            if (path := folder / file).is_file():
+        for folder in folders:  # MuJoCo takes '..' out of a name without a look at the folders
+            if (path := Path(os.path.normpath(folder / file))).is_file():
                 return path
-        raise InputError(f"no file '{file}' in {' or '.join(repr(str(folder)) for folder in folders)}")
+        places = dict.fromkeys(repr(str(folder)) for folder in folders)
+        raise InputError(f"no file '{file}' in {' or '.join(places)}")
 
     def _keep(self, path: Path, element: ET.Element) -> str:
         require_within(path, self._tree)

@@ -6,13 +6,50 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from oarlock.base.text import quoted
 from oarlock.cases.equality_kinds import KIND_OF, EqualityKind, unknown
-from oarlock.mechanics.coupled import coupled
+from oarlock.mechanics.coupled import coupled, coupled_ids
+
+_EQUALITY, _JOINT, _GEOM = mujoco.mjtObj.mjOBJ_EQUALITY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_GEOM
+_BODY, _SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
+
+_KINDS = {int(getattr(mujoco.mjtEq, f"mjEQ_{element.upper()}")): kind for element, kind in KIND_OF.items()}
 
 
 def element_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:
-    """Name of an element, or its number in ``#`` form where it has none."""
-    return mujoco.mj_id2name(model, kind, index) or f"#{index}"
+    """Name of an element. An equality, joint or geom without one goes by its bodies, what else has none by number, #3.
+
+    Such as ``connect of 'coupler' and 'rocker'`` or ``joint of 'crank'``; numbered where several would be alike.
+    """
+    if name := mujoco.mj_id2name(model, kind, index):
+        return name
+    describe = _DESCRIBED.get(kind)
+    if describe is None or not (said := describe(model, index)):
+        return f"#{index}"
+    alike = sum(not mujoco.mj_id2name(model, kind, one) and describe(model, one) == said for one in range(index))
+    return f"{said} ({alike + 1})" if alike else said
+
+
+def _equality(model: mujoco.MjModel, index: int) -> str:
+    kind = _KINDS[int(model.eq_type[index])]
+    if not kind.known:
+        return ""
+    ids = coupled_ids(model, index)
+    sort = _BODY if kind.joins_points else coupled(kind).object_type
+    if kind.joins_points and model.eq_objtype[index] == _SITE:
+        ids = [int(model.site_bodyid[site]) for site in ids]
+    return f"{kind} of {' and '.join(quoted(element_name(model, sort, one)) for one in ids)}"
+
+
+def _joint(model: mujoco.MjModel, index: int) -> str:
+    return f"joint of {quoted(element_name(model, _BODY, int(model.jnt_bodyid[index])))}"
+
+
+def _geom(model: mujoco.MjModel, index: int) -> str:
+    return f"geom of {quoted(element_name(model, _BODY, int(model.geom_bodyid[index])))}"
+
+
+_DESCRIBED = {_EQUALITY: _equality, _JOINT: _joint, _GEOM: _geom}
 
 
 def coordinates(model: mujoco.MjModel) -> list[dict[str, str]]:
@@ -79,9 +116,6 @@ class Equality:
         }
 
 
-_KINDS = {int(getattr(mujoco.mjtEq, f"mjEQ_{element.upper()}")): kind for element, kind in KIND_OF.items()}
-
-
 def equalities(model: mujoco.MjModel) -> list[Equality]:
     """Every equality of the model, active or not."""
     found = []
@@ -94,7 +128,7 @@ def equalities(model: mujoco.MjModel) -> list[Equality]:
             if model.eq_objtype[index] == mujoco.mjtObj.mjOBJ_SITE:
                 sites = first, second
                 bodies = int(model.site_bodyid[first]), int(model.site_bodyid[second])
-        name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index)
+        name = element_name(model, _EQUALITY, index)
         unit = kind.own_unit or coupled(kind).unit(model, first)
         found.append(Equality(index, name, kind, bodies, sites, unit))
     return found

@@ -65,6 +65,7 @@ def statements(tables: Tables, compared: Compared) -> list[str]:
     """What a report says first, a paragraph of Markdown each; what there are no runs for is left out."""
     every = (
         _gates,
+        _motion,
         _ignored,
         _ranks,
         _stepping,
@@ -88,6 +89,11 @@ def _gates(tables: Tables, _: Compared) -> Iterator[str]:
         yield f"**{len(failed)} of {len(checked)} gates do not hold: {names}.**"
     elif checked:
         yield f"**All {len(checked)} gates hold.**"
+
+
+def _motion(tables: Tables, _: Compared) -> Iterator[str]:
+    if "motion" in tables.provenance:
+        yield f"**Motion:** {cell(tables.provenance['motion'])}."
 
 
 def _ignored(tables: Tables, _: Compared) -> Iterator[str]:

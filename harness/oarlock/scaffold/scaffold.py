@@ -10,15 +10,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
-import numpy as np
 import polars as pl
 
 from oarlock.base.errors import InputError, RefusedError, few, one_line
 from oarlock.base.files import write_text
 from oarlock.base.progress import Progress
 from oarlock.base.scratch import scratch_folder, sweep_up
+from oarlock.base.text import quoted
 from oarlock.cases import case as cases
 from oarlock.cases.case import Case, load_case
+from oarlock.cases.motion import RULE, Motion
 from oarlock.experiments.outcome import Results
 from oarlock.experiments.session import run
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
@@ -30,6 +31,9 @@ from oarlock.scaffold.survey import AS_IT_STANDS, Survey, longest, nice_above, s
 
 ROUNDING = 1e-8
 """rad or m. Where the calibration differs by more, it is no longer rounding but what a chaotic motion makes of it."""
+
+COMPARABLE = 1e-3
+"""Relative differences beyond it are no bound: two solutions of one linear system that have no digits in common."""
 
 HEADROOM = 10.0
 """Bounds stand at least at so many times what was measured: another machine rounds in another way."""
@@ -126,13 +130,13 @@ class Scaffold:
     def lines(self) -> list[str]:
         """A short summary."""
         found, start = self.found, self.found.start
-        open_ones = [f"'{name}'" for name, unique in start.unique.items() if not unique]
+        open_ones = [quoted(name) for name, unique in start.unique.items() if not unique]
         whose = ", the model's own" if found.own_timestep else ""
         said = [
             f"{self.name}: {self.closed_by}; {found.model.nv} velocities, {start.rows} rows of rank {start.rank} "
             f"({self.redundancy} redundant or zero), {start.dof} dof",
             f"reactions {self.reactions}" + (f": {few(open_ones)} not determined" if open_ones else ""),
-            f"start: {found.origin}, {self.moved}",
+            f"start: {found.origin}, {self.moved}; {found.driven}; integrator {found.integrator}",
             f"timestep {found.timestep_s:g} s{whose}: {found.timestep_reason}",
         ]
         if self.copied.names:
@@ -148,7 +152,13 @@ def models_folder() -> Path | None:
 
 
 def new_model(
-    name: str, source: Path, to: Path | None = None, progress: Progress | None = None, *, outside: bool = False
+    name: str,
+    source: Path,
+    to: Path | None = None,
+    progress: Progress | None = None,
+    *,
+    outside: bool = False,
+    asked: Motion = RULE,
 ) -> tuple[Path, Scaffold]:
     """Writes the folder of a new case.
 
@@ -158,6 +168,7 @@ def new_model(
         to: the folder that gets the new one; if None the models of the checkout, or the working folder.
         progress: listens to the runs that the bounds are measured with.
         outside: whether files that the model names outside its folder are copied as well.
+        asked: where it starts and what drives it, in place of what ``stepping.beginning`` says.
 
     Returns:
         The new folder, and what was found.
@@ -173,6 +184,8 @@ def new_model(
     target = (to or models_folder() or Path()) / name
     if target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InputError(f"'{target}' is there already, expected a new name or an empty folder")
+    if asked.log is not None:
+        raise InputError(f"'{asked.log}' is a log, expected laws of time (--control): a case holds no log")
     progress = progress or Progress()
     try:
         target = target.resolve() if target.is_symlink() else target
@@ -183,7 +196,7 @@ def new_model(
             folder = temporary / name
             folder.mkdir()
             with mujoco_ends_in_a_line(source):
-                scaffold = _write(name, source, folder, _picture(name, target.parent), progress, outside)
+                scaffold = _write(name, source, folder, _picture(name, target.parent), progress, outside, asked)
             if target.exists():
                 target.rmdir()
             os.replace(folder, target)
@@ -199,7 +212,9 @@ def _picture(name: str, parent: Path) -> str:
     return f"../results/{name}/report/figures/mechanism.svg"
 
 
-def _write(name: str, source: Path, folder: Path, picture: str, progress: Progress, outside: bool) -> Scaffold:
+def _write(
+    name: str, source: Path, folder: Path, picture: str, progress: Progress, outside: bool, asked: Motion
+) -> Scaffold:
     copied = copy_model(source, folder, outside=outside)
     model = folder / "model.xml"
     title = mujoco.MjSpec.from_file(str(model)).modelname
@@ -207,7 +222,7 @@ def _write(name: str, source: Path, folder: Path, picture: str, progress: Progre
         title = name.replace("_", " ").replace("-", " ").capitalize()
 
     def attempt(ignored: str | None) -> Scaffold:
-        found = survey(name, model, ignoring=ignored is not None)
+        found = survey(name, model, ignoring=ignored is not None, asked=asked)
         scaffold = Scaffold(name, source.name, title, copied, found, ignored)
         _measure(scaffold, folder, progress)
         return scaffold
@@ -232,13 +247,12 @@ def _measure(scaffold: Scaffold, folder: Path, progress: Progress) -> None:
             f"rounding errors pass {ROUNDING:g} at t = {chaotic:.3g} s: the case ends before, at {found.duration_s:g} s"
         )
         results = _run(scaffold, folder, progress)
-    scaffold.bounds = _bounds(results)
+    scaffold.bounds, unbounded = _bounds(results)
+    found.notes += unbounded
     for row in results.rows:
         if row["status"] == "diverged":
             found.notes.append(f"run {row['run']} diverged: {row['message']}")
-    runs = zip(results.rows, results.tables, strict=True)
-    exact = [steps for row, steps in runs if (row["mode"], row["form"]) == ("free", "hard")]
-    if all(_still(steps.select("qpos").collect()["qpos"]) for steps in exact):
+    if results.still:
         found.notes.append("nothing moves: give [start] a velocity or [drive] a law")
     _write_case(scaffold, folder)
 
@@ -254,11 +268,6 @@ def _write_case(scaffold: Scaffold, folder: Path) -> Case:
     return load_case(folder)
 
 
-def _still(path: pl.Series) -> bool:
-    places = np.array(path.to_list())
-    return bool(np.abs(places - places[0]).max() <= AS_IT_STANDS)
-
-
 def _end_of_rounding(results: Results) -> float | None:
     """When the calibration's difference passes ``ROUNDING``, in s."""
     times = []
@@ -269,8 +278,8 @@ def _end_of_rounding(results: Results) -> float | None:
     return min(times, default=None)
 
 
-def _bounds(results: Results) -> list[Bound]:
-    """Gates on what must hold: stepping, export, and how well the exact run keeps loops and energy."""
+def _bounds(results: Results) -> tuple[list[Bound], list[str]]:
+    """Gates on what must hold: stepping, export, how well the exact run keeps loops and energy; and what has none."""
     lockstep = {"mode": "lockstep", "form": "matched", "solver": "pinv"}
     free = {"mode": "free", "form": "hard", "solver": "pinv"}
     wanted = [
@@ -280,10 +289,17 @@ def _bounds(results: Results) -> list[Bound]:
         ("drift_pos_max", free, 1e-11, "rounding: every step ends in a projection"),
         ("energy_drift_rel", free, 1e-11, "the integrator's own error, for nothing drives or damps it"),
     ]
-    bounds = []
+    bounds, unbounded = [], []
     for figure, where, floor, why in wanted:
         rows = [row for row in results.rows if all(row[key] == value for key, value in where.items())]
         values = [row[figure] for row in rows if row["status"] != "diverged"]
-        if values and len(values) == len(rows) and None not in values:
-            bounds.append(Bound(figure, where, max(values), floor, why))
-    return bounds
+        if not values or len(values) != len(rows) or None in values:
+            continue
+        if figure.endswith("_rel_diff_max") and max(values) > COMPARABLE:
+            unbounded.append(
+                f"no bound on {figure}, of which {max(values):.1e} was measured: where nothing accelerates it compares "
+                "rounding with rounding"
+            )
+            continue
+        bounds.append(Bound(figure, where, max(values), floor, why))
+    return bounds, unbounded

@@ -11,26 +11,26 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError, RefusedError
+from oarlock.base.errors import RefusedError
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, RunDefaults, Start
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.integrators import INTEGRATORS, IntegratorName
+from oarlock.cases.motion import NO_KEYFRAME, RULE, Motion
+from oarlock.mechanics.controls import Laws
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of, prepare
+from oarlock.stepping.beginning import KEYFRAME, Beginning, beginning_of_file, own_integrator
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
-from oarlock.stepping.start import KEYFRAME, ConsistentStart, consistent_start
+from oarlock.stepping.start import ConsistentStart, consistent_start
 
 AS_IT_STANDS = 1e-9
 """rad or m. A start that closing moves by less counts as closed: the digits of its file."""
-
-KEYS = 8
-"""So many keyframes at most are tried as starts."""
 
 PROBE_STEPS = 100
 """Length of the exact run that a timestep is judged by, in the model's own timesteps."""
@@ -58,7 +58,7 @@ class Survey:
         start: what the constraints are at the start.
         origin: where the start comes from, in words.
         written: the start that a case has to give; empty where the model's own is closed as it stands.
-        controls: actuator → constant control that the keyframe of the start gives.
+        controls: the controls; driven: the same in words.
         timestep_reason: why this timestep.
         notes: what an author should know.
     """
@@ -69,7 +69,8 @@ class Survey:
     start: ConsistentStart
     origin: str
     written: Start
-    controls: dict[str, float]
+    controls: Laws
+    driven: str
     timestep_s: float = 0.0
     timestep_reason: str = ""
     duration_s: float = 0.0
@@ -87,35 +88,40 @@ class Survey:
         return integrator_of(self.model).name
 
     @property
+    def held(self) -> bool:
+        """Whether a case has to say that controls are held over a step."""
+        return self.controls.held and not self.controls.constant
+
+    @property
     def own_timestep(self) -> bool:
         """Whether the model's own timestep is kept."""
         return self.timestep_s == float(self.model.opt.timestep)
 
 
-def survey(name: str, path: Path, *, ignoring: bool) -> Survey:
+def survey(name: str, path: Path, *, ignoring: bool, asked: Motion = RULE) -> Survey:
     """Looks at a model.
 
     Args:
         name: name of the case, for messages.
         path: the MJCF file.
         ignoring: without contacts, limits and friction.
+        asked: where it starts and what drives it, in place of what ``stepping.beginning`` says.
 
     Raises:
         RefusedError: contacts that are no constraint rows, and they are not to be ignored; a law has no value.
         InputError: the model cannot be loaded, or no start of it can be closed.
     """
     model = load_model(path)
-    integrator: IntegratorName = "implicitfast" if model.na else "rk4"
-    key, written, start = _best_start(name, path, model)
-    found = Survey(model, integrator, ignoring, start, _origin(model, key), written, _controls(model, key))
+    integrator, substituted = own_integrator(model)
+    begins = beginning_of_file(model, asked)
+    written, start = _start(name, path, begins, model)
+    found = Survey(model, integrator, ignoring, start, begins.begins, written, begins.laws, begins.driven)
     _choose_timestep(found, lambda timestep: _draft(name, path, found, timestep))
     found.duration_s = longest(found.timestep_s, STEPS if model.nv <= LARGE else STEPS_LARGE)
     if start.dof == 0:
         found.notes.append("0 degrees of freedom: at this start the mechanism is locked, and nothing can move")
-    if model.na:
-        found.notes.append(
-            f"{model.na} actuator activation(s), 0 at the start: implicitfast, for rk4 takes no activations yet"
-        )
+    if substituted:
+        found.notes.append(substituted)
     return found
 
 
@@ -141,35 +147,20 @@ def longest(timestep_s: float, steps: int) -> float:
 # The start.
 
 
-def _best_start(name: str, path: Path, model: mujoco.MjModel) -> tuple[int | None, Start, ConsistentStart]:
-    """Of the model's own pose and its keyframes the one that closing moves least.
-
-    A keyframe named ``start`` is the author's choice, and ``consistent_start`` begins with it by itself.
-    """
+def _start(name: str, path: Path, begins: Beginning, model: mujoco.MjModel) -> tuple[Start, ConsistentStart]:
+    """The start that a case has to give, and what it is once it is closed."""
     keys = [element_name(model, mujoco.mjtObj.mjOBJ_KEY, key) for key in range(model.nkey)]
-    candidates = [keys.index(KEYFRAME)] if KEYFRAME in keys else [None, *range(min(model.nkey, KEYS))]
-    best: tuple[int | None, Start, ConsistentStart] | None = None
-    failure: InputError | None = None
-    for key in candidates:
-        implied = key is None or keys[key] == KEYFRAME
-        given = Start() if implied else _by_name(model, model.key_qpos[key], model.key_qvel[key])
-        case = Case(name, path, CaseFile(title=name, start=given))
-        loops = prepare(load_model(path), integrator="rk4")
-        ignore_inequalities(loops)
-        try:
-            start = consistent_start(loops, case)
-        except InputError as error:
-            failure = failure or error
-            continue
-        if best is None or start.moved < best[2].moved - AS_IT_STANDS:
-            closed = given if start.moved <= AS_IT_STANDS else _by_name(model, start.qpos, start.qvel)
-            best = key, closed, start
-    if best is None:
-        raise failure or InputError(f"{path}: no start")
-    return best
+    given = keys[begins.key] if begins.key is not None else NO_KEYFRAME if KEYFRAME in keys else None
+    case = Case(name, path, CaseFile(title=name, start=Start(keyframe=given)))
+    loops = prepare(load_model(path), integrator="rk4")
+    ignore_inequalities(loops)
+    start = consistent_start(loops, case)
+    if start.moved <= AS_IT_STANDS:
+        return case.file.start, start
+    return _by_name(model, given, start.qpos, start.qvel), start
 
 
-def _by_name(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray) -> Start:
+def _by_name(model: mujoco.MjModel, keyframe: str | None, qpos: np.ndarray, qvel: np.ndarray) -> Start:
     """A start that gives every named joint; velocities only if something moves."""
     places: dict[str, float | list[float]] = {}
     rates: dict[str, float | list[float]] = {}
@@ -182,18 +173,7 @@ def _by_name(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray) -> Start
             places[joint.name] = place[0] if count == 1 else place
             if any(speed):
                 rates[joint.name] = speed[0] if rate == 1 else speed
-    return Start(qpos=places, qvel=rates)
-
-
-def _origin(model: mujoco.MjModel, key: int | None) -> str:
-    return "the model's own pose" if key is None else f"keyframe '{element_name(model, mujoco.mjtObj.mjOBJ_KEY, key)}'"
-
-
-def _controls(model: mujoco.MjModel, key: int | None) -> dict[str, float]:
-    if key is None:
-        return {}
-    values = {model.actuator(index).name: float(model.key_ctrl[key, index]) for index in range(model.nu)}
-    return {actuator: value for actuator, value in values.items() if actuator and value}
+    return Start(keyframe=keyframe, qpos=places, qvel=rates)
 
 
 # The timestep.
@@ -205,7 +185,7 @@ def _draft(name: str, path: Path, found: Survey, timestep_s: float) -> Case:
         title=name,
         run=RunDefaults(timestep_s=timestep_s, integrator=found.integrator, ignore_inequalities=found.ignoring),
         start=found.written,
-        drive=Drive(ctrl={actuator: repr(value) for actuator, value in found.controls.items()}),
+        drive=Drive(ctrl=dict(found.controls), held=found.held),
         baumgarte=found.baumgarte,
     )
     return Case(name, path, file)
@@ -233,7 +213,10 @@ def _choose_timestep(found: Survey, draft: Callable[[float], Case]) -> None:
         return
     found.timestep_s = own
     found.timestep_reason = f"{halving} {changes[0]:.1e} {span}"
-    if halvings:
+    if math.isinf(changes[0]):
+        found.timestep_reason = f"the exact {found.integrator} run does not get through {span[5:]}"
+        found.notes.append(f"{found.timestep_reason}: look for an actuator or a spring that it makes unstable")
+    elif halvings:
         found.notes.append(
             f"no timestep down to {own / 2**halvings:.3g} s makes exact runs agree within {AGREES:g}: look for stiff "
             "drives, singular poses, or a start from which the mechanism is thrown about"

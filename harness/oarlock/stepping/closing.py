@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, few
+from oarlock.base.text import quoted
 from oarlock.mechanics.curvature import Curvature
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
@@ -112,10 +113,10 @@ def culprits(model: mujoco.MjModel, given: mujoco.MjData, rank_cut: float | None
     impossible = []
     for equality in active:
         if not closes([equality]):
-            impossible.append(f"'{equality.name}' stays open by {gap(trial):.4g} {equality.unit}")
+            impossible.append(f"{quoted(equality.name)} stays open by {gap(trial):.4g} {equality.unit}")
     if impossible:
         return f"even alone {few(impossible)}"
-    to_blame = [f"'{one.name}'" for one in active if closes([other for other in active if other is not one])]
+    to_blame = [quoted(one.name) for one in active if closes([other for other in active if other is not one])]
     if to_blame:
         return f"each closes alone, but not all together; the rest closes without {few(to_blame, last='or without')}"
     return "each closes alone, but not all together, and leaving out any single one does not help"
@@ -138,9 +139,9 @@ def require_rows(model: mujoco.MjModel, data: mujoco.MjData) -> None:
             '<size memory="…"/>'
         )
     if data.ne == 0:
-        names = few([f"'{equality.name}'" for equality in equalities(model)])
+        names = few([quoted(equality.name) for equality in equalities(model)])
         raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")
     finite = np.isfinite(closing_jacobian(model, data)).all(axis=1) & np.isfinite(data.efc_pos[: data.ne])
     if not finite.all():
         name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(data.efc_id[int(finite.argmin())]))
-        raise InputError(f"equality '{name}' has rows that are not finite at the start, expected finite numbers")
+        raise InputError(f"equality {quoted(name)} has rows that are not finite at the start, expected finite numbers")

@@ -10,11 +10,13 @@ from oarlock.cases.case import Case
 from oarlock.cases.conditions import OWN, Conditions
 from oarlock.cases.integrators import IntegratorName
 from oarlock.cases.truth import TruthTrajectory
+from oarlock.mechanics import controls
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.inequalities import ignore_inequalities, may_act, refuse_unsupported
 from oarlock.mechanics.observed import Observed
 from oarlock.mechanics.prepare import load_mechanism
+from oarlock.stepping.beginning import beginning_of_case
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.projection import gap
 from oarlock.stepping.published import PublishedValues
@@ -48,6 +50,7 @@ class Prepared:
         model: what is walked.
         qpos: where a walk starts, (nq).
         qvel: its velocities there, (nv).
+        act: its activations there, (na).
         drive: controls, made for this very model.
         steps: so many a walk takes.
         timestep_s: of the model.
@@ -65,6 +68,7 @@ class Prepared:
         qvel: np.ndarray,
         steps: int,
         *,
+        act: np.ndarray | None = None,
         observed: Observed | None = None,
         trajectory: TruthTrajectory | None = None,
         published: PublishedValues | None = None,
@@ -77,12 +81,14 @@ class Prepared:
             qpos: where a walk starts, (nq).
             qvel: its velocities there, (nv).
             steps: so many a walk takes.
+            act: its activations there, (na); zero if left out.
             observed: the joint or site that ``trajectory`` speaks of.
             trajectory: where an outside truth says that it is.
             published: what is printed for some of the steps; nothing if left out.
         """
         self.model, self.drive = model, drive
         self.qpos, self.qvel = qpos, qvel
+        self.act = np.zeros(model.na) if act is None else act
         self.steps = steps
         self.timestep_s = float(model.opt.timestep)
         self.observed = observed
@@ -101,7 +107,7 @@ class Prepared:
     def data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
         """A fresh data at the start, of the model itself or of a copy."""
         data = mujoco.MjData(model or self.model)
-        data.qpos[:], data.qvel[:] = self.qpos, self.qvel
+        data.qpos[:], data.qvel[:], data.act[:] = self.qpos, self.qvel, self.act
         return data
 
     def truth_error(self, step: int, data: mujoco.MjData) -> float | None:
@@ -137,6 +143,8 @@ class PreparedCase(Prepared):
 
     Attributes:
         start: where it starts, and what the constraints are there.
+        begins: where that start comes from, and the controls.
+        told: the same in words, where no case says them; None of a case as it is.
         ignored: which contacts, limits and friction were switched off, in words; None where none were to be.
         truth: what the outside truth says, as a table: at every step, or of a run of more than ``TRUTH_ROWS`` steps at
             so many of them, equally spaced, first and last included. The errors of a run are taken at every step all
@@ -170,8 +178,12 @@ class PreparedCase(Prepared):
         ignoring = conditions.ignore_inequalities or case.file.run.ignore_inequalities
         self.ignored = ignore_inequalities(model) if ignoring else None
         refuse_unsupported(model)
-        drive = Drive(model, case)
-        self.start: ConsistentStart = consistent_start(model, case, conditions.seed)
+        self.begins = beginning_of_case(model, case, conditions.motion)
+        self.told = str(self.begins) if case.bare or conditions.motion.given else None
+        if self.told and case.substituted and integrator == case.file.run.integrator:
+            self.told += f"; {case.substituted}"
+        drive = controls.drive(model, self.begins.laws)
+        self.start: ConsistentStart = consistent_start(model, case, conditions.seed, self.begins)
         steps = _steps(case, conditions.duration_s, float(model.opt.timestep))
         own = timestep_s is None
         published = PublishedValues(model, case.file.published, f"[[published]] of case '{case.name}'", own=own)
@@ -186,6 +198,7 @@ class PreparedCase(Prepared):
             self.start.qpos,
             self.start.qvel,
             steps,
+            act=self.begins.act,
             observed=observed,
             trajectory=truth if known else None,
             published=published,

@@ -203,7 +203,7 @@ class Companion:
 
     def __init__(self, prepared: Prepared):
         self._prepared = prepared
-        self._walker = MujocoWalker(prepared.model, prepared.data())
+        self._walker = MujocoWalker(prepared.model, prepared.data(), prepared.drive)
 
     def compare(self, qpos: np.ndarray) -> float | None:
         """How far positions are from it (rad or m), None where it did not get to; then takes its next step."""
@@ -304,7 +304,7 @@ class Lockstep:
         self._state = State(model, data, terms)
         self._force = None if leader is None else SolvedForce(self._state, "hard", leader)
         self._projector = Projector(model, solver=projector, left=prepared.left) if projector and leader else None
-        self.walker: Walker = MujocoWalker(model, data)
+        self.walker: Walker = MujocoWalker(model, data, prepared.drive)
         if self._force is not None:
             self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
         self._asked = [(Question(self._state, form), solvers) for form, solvers in asked]
@@ -346,7 +346,7 @@ class OneStep:
 
     def __init__(self, prepared: Prepared, terms: Baumgarte, asked: list[tuple[Form, MultiplierSolver]]):
         self._prepared = prepared
-        self.walker = MujocoWalker(prepared.model, prepared.data())
+        self.walker = MujocoWalker(prepared.model, prepared.data(), prepared.drive)
         self._data = prepared.data()
         self._state = State(prepared.model, self._data, terms)
         forces = [SolvedForce(self._state, form, solver) for form, solver in asked]
@@ -383,7 +383,7 @@ class FreeMujoco:
     def __init__(self, prepared: Prepared, terms: Baumgarte):
         self._prepared = prepared
         data = prepared.data()
-        self.walker = MujocoWalker(prepared.model, data)
+        self.walker = MujocoWalker(prepared.model, data, prepared.drive)
         self._state = State(prepared.model, data, terms)
         self._energy = Energy(prepared.model)
 

@@ -5,23 +5,18 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError, choose
+from oarlock.base.errors import InputError
+from oarlock.base.text import quoted
 from oarlock.cases.case import Case
 from oarlock.cases.point import DISTURBANCE
-from oarlock.mechanics.drive import Drive
+from oarlock.mechanics import controls
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.reactions import unique_reactions
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.stepping.beginning import Beginning, beginning_of_case
 from oarlock.stepping.closing import CLOSED, CONSISTENT, close, culprits, require_rows
 from oarlock.stepping.projection import Projector, gap
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
-
-KEYFRAME = "start"
-"""Name of the keyframe that a start begins from, if the model has it. Entries of ``[start]`` replace its values."""
-
-
-UNIT = 1e-3
-"""Largest deviation of a quaternion's norm from 1, as one of three digits has; more is a mistake, not rounding."""
 
 
 @dataclass(frozen=True)
@@ -47,33 +42,10 @@ class ConsistentStart:
     """Name of an equality → whether the rigid model determines its multipliers."""
 
 
-def _write_named(model: mujoco.MjModel, target: np.ndarray, values: dict, what: str, case: Case) -> None:
-    joints = [model.joint(index).name for index in range(model.njnt)]
-    sizes = {0: (7, 6), 1: (4, 3), 2: (1, 1), 3: (1, 1)}
-    for name, value in values.items():
-        index = joints.index(choose(f"joint in [start] {what} of case '{case.name}'", name, joints))
-        size = sizes[int(model.jnt_type[index])][0 if what == "qpos" else 1]
-        entries = np.atleast_1d(np.asarray(value, dtype=float))
-        if len(entries) != size:
-            raise InputError(
-                f"[start] {what} of joint '{name}' in case '{case.name}' has {len(entries)} numbers, expected {size}"
-            )
-        if what == "qpos" and size > 1:
-            norm = float(np.linalg.norm(entries[-4:]))
-            if abs(norm - 1.0) > UNIT:
-                raise InputError(
-                    f"[start] qpos of joint '{name}' in case '{case.name}' has a quaternion of norm {norm:.4g}, "
-                    "expected 1"
-                )
-            entries[-4:] /= norm
-        address = model.jnt_qposadr[index] if what == "qpos" else model.jnt_dofadr[index]
-        target[address : address + size] = entries
-
-
 def _cannot_close(model: mujoco.MjModel, data: mujoco.MjData, given: np.ndarray, case: Case) -> str:
     row = int(np.abs(data.efc_pos[: data.ne]).argmax())
     name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(data.efc_id[row]))
-    said = f"equality '{name}' stays open by {gap(data):.3g}, expected at most {CONSISTENT:g}"
+    said = f"equality {quoted(name)} stays open by {gap(data):.3g}, expected at most {CONSISTENT:g}"
     data.qpos[:] = given
     return f"start of case '{case.name}' cannot be closed: {said}; {culprits(model, data, case.file.rank_cut)}"
 
@@ -84,7 +56,9 @@ def _disturb(model: mujoco.MjModel, data: mujoco.MjData, seed: int) -> None:
     data.qvel += pushed
 
 
-def consistent_start(model: mujoco.MjModel, case: Case, seed: int | None = None) -> ConsistentStart:
+def consistent_start(
+    model: mujoco.MjModel, case: Case, seed: int | None = None, begins: Beginning | None = None
+) -> ConsistentStart:
     """Closes the loops of a case's start, then makes its velocities obey the constraints.
 
     Positions are found by Newton steps in the metric of M, damped when they do not help (Levenberg–Marquardt), and
@@ -95,17 +69,15 @@ def consistent_start(model: mujoco.MjModel, case: Case, seed: int | None = None)
         case: the case.
         seed: seed of normal numbers of standard deviation ``DISTURBANCE`` that disturb the start before it is closed;
             None for the start as it is.
+        begins: where the case begins, if that is known already.
 
     Raises:
         InputError: a name or a size is wrong, or a loop cannot be closed.
     """
+    begins = begins or beginning_of_case(model, case)
     data = mujoco.MjData(model)
-    keys = [model.key(index).name for index in range(model.nkey)]
-    if KEYFRAME in keys:
-        data.qpos[:], data.qvel[:] = model.key_qpos[keys.index(KEYFRAME)], model.key_qvel[keys.index(KEYFRAME)]
-    _write_named(model, data.qpos, case.file.start.qpos, "qpos", case)
-    _write_named(model, data.qvel, case.file.start.qvel, "qvel", case)
-    Drive(model, case).apply(data)
+    data.qpos[:], data.qvel[:], data.act[:] = begins.qpos, begins.qvel, begins.act
+    controls.drive(model, begins.laws).apply(data)
     if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
         raise InputError(f"start of case '{case.name}' is not finite: qpos {data.qpos}, qvel {data.qvel}")
     if seed is not None:

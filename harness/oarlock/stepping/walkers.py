@@ -32,11 +32,10 @@ def is_sane(data: mujoco.MjData) -> bool:
     return bounded(data.qpos, data.qvel)
 
 
-def smooth_stages(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive) -> None:
-    """Leaves M, J, R, aref, qfrc_smooth and qacc_smooth of the state ready, without MuJoCo's constraint solver."""
+def smooth_stages(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Leaves M, J, R, aref, qfrc_smooth and qacc_smooth ready, controls as they are, without MuJoCo's solver."""
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_fwdVelocity(model, data)
-    drive.apply(data)
     mujoco.mj_fwdActuation(model, data)
     mujoco.mj_fwdAcceleration(model, data)
 
@@ -88,14 +87,17 @@ def _function(model: mujoco.MjModel) -> Callable[[mujoco.MjModel, mujoco.MjData]
 
 
 class MujocoWalker:
-    """MuJoCo's own step. Run it inside ``drive.installed()``: RK4 asks for controls at its stages."""
+    """MuJoCo's own step. Run it inside ``drive.installed()``: RK4 asks at its stages for controls that are not held."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None = None):
         self.model, self.data = model, data
+        self._held = drive if drive is not None and drive.held_s is not None else None
         self._function = _function(model)
 
     def look(self) -> None:
         """mj_forward: everything that mj_step would compute first."""
+        if self._held is not None:
+            self._held.apply(self.data)
         mujoco.mj_forward(self.model, self.data)
 
     def step(self) -> None:
@@ -142,7 +144,11 @@ class ForcedWalker:
 
     def look(self) -> None:
         """The smooth stages, then the force law."""
-        smooth_stages(self.model, self.data, self._drive)
+        self._drive.apply(self.data)
+        self._forces()
+
+    def _forces(self) -> None:
+        smooth_stages(self.model, self.data)
         self._force.apply(self.data)
 
     def step(self) -> None:
@@ -196,7 +202,8 @@ class ForcedWalker:
             mujoco.mj_integratePos(model, data.qpos, moved, 1.0)
             data.qvel[:] = self._qvel + fraction * step * accelerations[stage - 1]
             data.time = time + fraction * step
-            self.look()
+            self._drive.apply_at_stage(data)
+            self._forces()
             velocities[stage], accelerations[stage] = data.qvel, data.qacc
             for turn in turns:
                 velocities[stage, turn] = _rotation_vector_rate(moved[turn].tolist(), data.qvel[turn].tolist())

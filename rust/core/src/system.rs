@@ -72,6 +72,8 @@ pub struct ConstrainedSystem {
     rhs: DVector<f64>,
     reduced_rhs: DVector<f64>,
     unconstrained: DVector<f64>,
+    /// What it was before other forces were added: largest magnitude of each entry since the step was assembled.
+    at_work: Vec<f64>,
     work: DVector<f64>,
     solution: Vec<f64>,
     judges: Judges,
@@ -192,6 +194,7 @@ impl ConstrainedSystem {
             jacobian_t: DMatrix::zeros(nv, n),
             rhs: DVector::zeros(n),
             unconstrained: DVector::zeros(nv),
+            at_work: vec![0.0; nv],
             work: DVector::zeros(nv),
             ..Self::default()
         };
@@ -283,6 +286,7 @@ impl ConstrainedSystem {
         self.unconstrained.copy_from_slice(step.force);
         self.mass_factor.solve_lower_triangular_mut(&mut self.unconstrained);
         self.mass_factor.tr_solve_lower_triangular_mut(&mut self.unconstrained);
+        self.at_work.fill(0.0);
         self.ask(step.aref);
         self.check_overflow()
     }
@@ -321,6 +325,7 @@ impl ConstrainedSystem {
             }
         }
         self.unconstrained.copy_from_slice(step.unconstrained);
+        self.at_work.fill(0.0);
         self.ask(step.aref);
         self.check_overflow()
     }

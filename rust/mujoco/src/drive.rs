@@ -1,21 +1,32 @@
-//! The drive: actuator controls as laws of time, written at the time of every stage of the integrator.
+//! The drive: actuator controls as laws of time, written at the time of every stage of the integrator, or held over a step.
 
 use crate::error::Error;
 use crate::library::{Controls, Data};
 use crate::time_law::TimeLaw;
 
+/// Part of the time that a control is held for by which a time may miss its multiples: times are sums of timesteps.
+const OFF: f64 = 1e-3;
+
 /// Laws of some of the actuators.
 #[derive(Debug, Clone, Default)]
 pub struct Drive {
     laws: Vec<(usize, TimeLaw)>,
+    /// s; controls change at multiples of it only.
+    held_s: Option<f64>,
     failed: Option<Error>,
 }
 
 impl Drive {
-    /// Actuators with their laws.
+    /// Actuators with their laws, and for how long (s) a control is held; nothing: it follows its law at every stage.
     #[must_use]
-    pub const fn new(laws: Vec<(usize, TimeLaw)>) -> Self {
-        Self { laws, failed: None }
+    pub const fn new(laws: Vec<(usize, TimeLaw)>, held_s: Option<f64>) -> Self {
+        Self { laws, held_s, failed: None }
+    }
+
+    /// Whether MuJoCo has to ask at the stages of an integrator.
+    #[must_use]
+    pub const fn is_staged(&self) -> bool {
+        !self.laws.is_empty() && self.held_s.is_none()
     }
 
     /// Whether there are none.
@@ -24,11 +35,29 @@ impl Drive {
         self.laws.is_empty()
     }
 
-    /// Writes the controls at the data's time.
+    /// Writes the controls at the data's time, the start of a step; one that is held stays as it is until its time is over.
     ///
     /// # Errors
     /// [`Error::Control`]: a law has no finite value there.
     pub fn apply(&mut self, data: &mut Data) -> Result<(), Error> {
+        if let Some(held_s) = self.held_s {
+            let ticks = data.time() / held_s;
+            if (ticks - ticks.round()).abs() > OFF {
+                return Ok(());
+            }
+        }
+        self.write_at(data)
+    }
+
+    /// Writes the controls at the time of a later stage of a step; one that is held stays as it is.
+    ///
+    /// # Errors
+    /// [`Error::Control`]: a law has no finite value there.
+    pub fn apply_at_stage(&mut self, data: &mut Data) -> Result<(), Error> {
+        if self.held_s.is_some() { Ok(()) } else { self.write_at(data) }
+    }
+
+    fn write_at(&mut self, data: &mut Data) -> Result<(), Error> {
         if self.laws.is_empty() {
             return Ok(());
         }
@@ -74,7 +103,7 @@ mod tests {
     </mujoco>"#;
 
     fn drive(actuator: usize, law: &str) -> Drive {
-        Drive::new(vec![(actuator, TimeLaw::parse(law, &BTreeMap::new()).expect(law))])
+        Drive::new(vec![(actuator, TimeLaw::parse(law, &BTreeMap::new()).expect(law))], None)
     }
 
     #[test]
@@ -87,6 +116,25 @@ mod tests {
         assert_eq!(state.ctrl_mut(), [7.0, 6.0]);
         Drive::default().apply(&mut state).expect("nothing to do");
         assert_eq!(state.ctrl_mut(), [7.0, 6.0]);
+    }
+
+    #[test]
+    fn a_held_control_changes_at_multiples_of_its_time_only_and_at_no_stage() {
+        let model = model(DRIVEN);
+        let mut state = data(&model, &[0.0], &[0.0]);
+        let law = TimeLaw::parse("t", &BTreeMap::new()).expect("a law");
+        let mut drive = Drive::new(vec![(0, law)], Some(0.25));
+        assert!(!drive.is_staged());
+        for (time, expected) in
+            [(0.0, 0.0), (0.125, 0.0), (0.25, 0.25), (0.375, 0.25), (0.5 - 1e-9, 0.5 - 1e-9)]
+        {
+            state.set_time(time);
+            drive.apply(&mut state).expect("finite");
+            assert_eq!(state.ctrl_mut()[0].to_bits(), f64::to_bits(expected), "{time}");
+        }
+        state.set_time(0.75);
+        drive.apply_at_stage(&mut state).expect("nothing");
+        assert_eq!(state.ctrl_mut()[0].to_bits(), (0.5_f64 - 1e-9).to_bits());
     }
 
     #[test]

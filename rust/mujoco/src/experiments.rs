@@ -46,6 +46,7 @@ mod tests {
             drive: crate::drive::Drive::default(),
             qpos: vec![1.0; 2],
             qvel: vec![0.0; 2],
+            act: Vec::new(),
             baumgarte: Baumgarte::default(),
             observed: None,
             conserved: true,

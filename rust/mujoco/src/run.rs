@@ -47,6 +47,8 @@ pub struct Setup {
     pub qpos: Vec<f64>,
     /// Its velocities, nv.
     pub qvel: Vec<f64>,
+    /// Activations there, na.
+    pub act: Vec<f64>,
     /// Terms of the hard form.
     pub baumgarte: Baumgarte,
     /// What to note for an outside truth.
@@ -73,9 +75,17 @@ impl Setup {
                 sizes.0, sizes.1, expected.0, expected.1
             )));
         }
+        if self.act.len() != self.model.na() {
+            return Err(Error::Refused(format!(
+                "the start has {} activations, expected {}",
+                self.act.len(),
+                self.model.na()
+            )));
+        }
         let mut data = Data::new(&self.model)?;
         data.qpos_mut().copy_from_slice(&self.qpos);
         data.qvel_mut().copy_from_slice(&self.qvel);
+        data.act_mut().copy_from_slice(&self.act);
         Ok(data)
     }
 
@@ -480,6 +490,7 @@ mod tests {
             drive: Drive::default(),
             qpos: vec![0.0; 2],
             qvel: vec![0.0],
+            act: Vec::new(),
             baumgarte: Baumgarte::default(),
             observed: None,
             conserved: false,

@@ -163,6 +163,8 @@ static void run(int stage, const mjModel* m, mjData* d) {
     case OARLOCK_POSITION: api.mj_fwdPosition(m, d); break;
     case OARLOCK_SMOOTH:
       api.mj_fwdPosition(m, d);
+      // fallthrough
+    case OARLOCK_RATES:
       api.mj_fwdVelocity(m, d);
       api.mj_fwdActuation(m, d);
       api.mj_fwdAcceleration(m, d);

@@ -44,6 +44,7 @@ enum {
   OARLOCK_FORWARD,
   OARLOCK_POSITION,
   OARLOCK_SMOOTH,      // position, velocity, actuation, acceleration: all but the constraint solver
+  OARLOCK_RATES,       // the same without the position stage, which has been done
   OARLOCK_CONSTRAINT,
   OARLOCK_INTEGRATE,
   OARLOCK_ENERGY,

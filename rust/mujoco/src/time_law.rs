@@ -1,7 +1,8 @@
-//! Scalar laws of time, for drives: `omega*t - k*sin(omega*t)`.
+//! Scalar laws of time, for drives: `omega*t - k*sin(omega*t)`, or samples of a log.
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::Arc;
 
 use exmex::{Express, FlatEx, FloatOpsFactory, MatchLiteral, literal_matcher_from_pattern};
 
@@ -13,13 +14,27 @@ literal_matcher_from_pattern!(Decimal, r"^(\.?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)
 /// Name of the time variable, in seconds.
 const TIME: &str = "t";
 
-/// A parsed law. The language is arithmetic (`+ - * / ^`), the usual functions (`sin`, `exp`, `sqrt`, …), `PI`, the
-/// time `t` and the constants handed over; there is nothing in it that could have an effect.
+/// Part of an interval between samples by which the later one may be early: times are sums of timesteps, and rounded.
+const EARLY: f64 = 1e-3;
+
+/// A law: parsed, or the samples of a log. The language is arithmetic (`+ - * / ^`), the usual functions (`sin`, `exp`,
+/// `sqrt`, …), `PI`, the time `t` and the constants handed over; there is nothing in it that could have an effect.
 #[derive(Debug, Clone)]
 pub struct TimeLaw {
     source: String,
-    expression: FlatEx<f64, FloatOpsFactory<f64>, Decimal>,
-    /// Values in the order of the expression's variables; the slot of `t` is written by [`at`](Self::at).
+    law: Law,
+}
+
+#[derive(Debug, Clone)]
+enum Law {
+    Expression(Box<Expression>),
+    Samples { times: Arc<[f64]>, values: Arc<[f64]> },
+}
+
+#[derive(Debug, Clone)]
+struct Expression {
+    parsed: FlatEx<f64, FloatOpsFactory<f64>, Decimal>,
+    /// Values in the order of the expression's variables; the slot of `t` is written by [`TimeLaw::at`].
     values: Vec<f64>,
     time_slot: Option<usize>,
 }
@@ -59,21 +74,57 @@ impl TimeLaw {
             }
             values.push(value);
         }
-        Ok(Self { source: source.to_owned(), expression, values, time_slot })
+        let parsed = Box::new(Expression { parsed: expression, values, time_slot });
+        Ok(Self { source: source.to_owned(), law: Law::Expression(parsed) })
+    }
+
+    /// The law of a log: each value holds from its time (s) until the next one; the first also before, the last after it.
+    ///
+    /// A sample counts from a thousandth of the interval before its time on.
+    ///
+    /// # Errors
+    /// [`Error::TimeLaw`] if there is no sample, not one value a time, a number is not finite, or the times do not rise.
+    pub fn sampled(name: &str, times: &[f64], values: &[f64]) -> Result<Self, Error> {
+        let bad = |reason: &str| Error::TimeLaw { law: name.to_owned(), reason: reason.to_owned() };
+        if times.is_empty() || times.len() != values.len() {
+            return Err(bad("has other times than values, or none, expected a value a time"));
+        }
+        if !times.iter().chain(values).all(|number| number.is_finite()) {
+            return Err(bad("has a number that is not finite, expected finite ones"));
+        }
+        if !times.windows(2).all(|pair| pair[0] < pair[1]) {
+            return Err(bad("has times that do not rise, expected each later than the one before"));
+        }
+        let law = Law::Samples { times: times.into(), values: values.into() };
+        Ok(Self { source: name.to_owned(), law })
     }
 
     /// Whether it does not depend on the time.
     #[must_use]
-    pub const fn is_constant(&self) -> bool {
-        self.time_slot.is_none()
+    pub fn is_constant(&self) -> bool {
+        match &self.law {
+            Law::Expression(expression) => expression.time_slot.is_none(),
+            Law::Samples { values, .. } => values.iter().all(|value| value.to_bits() == values[0].to_bits()),
+        }
     }
 
     /// The value at time `t` in seconds; NaN where the law has none (√ of a negative number, say).
     pub fn at(&mut self, t: f64) -> f64 {
-        if let Some(slot) = self.time_slot {
-            self.values[slot] = t;
+        match &mut self.law {
+            Law::Expression(expression) => {
+                if let Some(slot) = expression.time_slot {
+                    expression.values[slot] = t;
+                }
+                expression.parsed.eval(&expression.values).unwrap_or(f64::NAN)
+            }
+            Law::Samples { times, values } => {
+                let later = times.partition_point(|&time| time <= t);
+                let reached = later.checked_sub(1).is_some_and(|last| {
+                    times.get(later).is_some_and(|next| next - t <= EARLY * (next - times[last]))
+                });
+                values[(later + usize::from(reached)).saturating_sub(1)]
+            }
         }
-        self.expression.eval(&self.values).unwrap_or(f64::NAN)
     }
 }
 
@@ -167,6 +218,37 @@ mod tests {
         {
             let message = law(source).expect_err(source).to_string();
             assert!(message.contains(part), "{source}: {message}");
+        }
+    }
+
+    #[test]
+    fn a_log_holds_each_value_until_the_next() {
+        let mut log = TimeLaw::sampled("log", &[0.0, 0.1, 0.3], &[1.0, 2.0, 3.0]).unwrap();
+        for (t, expected) in [
+            (-1.0, 1.0),
+            (0.0, 1.0),
+            (0.0998, 1.0),
+            (0.1 - 1e-9, 2.0),
+            (0.1, 2.0),
+            (0.29, 2.0),
+            (0.3, 3.0),
+            (9.0, 3.0),
+        ] {
+            assert_eq!(log.at(t).to_bits(), f64::to_bits(expected), "{t}");
+        }
+        assert!(!log.is_constant());
+        assert!(TimeLaw::sampled("log", &[0.0, 1.0], &[2.0, 2.0]).unwrap().is_constant());
+    }
+
+    #[test]
+    fn a_bad_log_is_refused() {
+        for (times, values) in [
+            (vec![], vec![]),
+            (vec![0.0], vec![]),
+            (vec![0.0, 0.0], vec![1.0; 2]),
+            (vec![0.0], vec![f64::NAN]),
+        ] {
+            assert!(TimeLaw::sampled("log", &times, &values).is_err(), "{times:?} {values:?}");
         }
     }
 

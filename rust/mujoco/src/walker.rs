@@ -55,6 +55,10 @@ impl<F: ForceLaw> ForcedWalker<F> {
     /// What the stages or the force law say.
     pub fn look(&mut self) -> Result<(), Error> {
         self.drive.apply(&mut self.data)?;
+        self.forces()
+    }
+
+    fn forces(&mut self) -> Result<(), Error> {
         self.data.smooth_stages()?;
         self.force.apply(&mut self.data)
     }
@@ -99,7 +103,8 @@ impl<F: ForceLaw> ForcedWalker<F> {
             let part = fraction * step;
             self.tableau.place(&mut self.data, stage, part);
             self.data.set_time(time + part);
-            self.look()?;
+            self.drive.apply_at_stage(&mut self.data)?;
+            self.forces()?;
             self.tableau.take(&self.data, stage);
         }
         self.tableau.end(&mut self.data, step);

@@ -52,18 +52,21 @@ type SolverRef<'py> = PyRef<'py, MultiplierSolver>;
 #[pymethods]
 #[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
 impl Setup {
-    /// Of an `MjModel`: positions (nq), velocities (nv), laws of actuators by number, Baumgarte's terms (1/s, 1/s²), what to
+    /// Of an `MjModel`: positions (nq), velocities (nv), activations (na), laws of actuators by number, for how long (s)
+    /// a control is held (None: it follows its law at every stage), Baumgarte's terms (1/s, 1/s²), what to
     /// note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies, and the steps whose
     /// states are kept whole.
     #[new]
     #[allow(clippy::too_many_arguments)] // keywords in Python
-    #[pyo3(signature = (model, *, qpos, qvel, laws, beta, k, observed, conserved, inequalities, snapshots))]
+    #[pyo3(signature = (model, *, qpos, qvel, act, laws, held_s, beta, k, observed, conserved, inequalities, snapshots))]
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyAny>,
         qpos: &Bound<'_, PyAny>,
         qvel: &Bound<'_, PyAny>,
+        act: &Bound<'_, PyAny>,
         laws: Vec<(usize, PyRef<'_, TimeLaw>)>,
+        held_s: Option<f64>,
         beta: f64,
         k: f64,
         observed: Option<(String, usize)>,
@@ -98,9 +101,10 @@ impl Setup {
         let laws = laws.into_iter().map(|(actuator, law)| (actuator, law.inner.clone())).collect();
         let inner = native::run::Setup {
             model,
-            drive: native::drive::Drive::new(laws),
+            drive: native::drive::Drive::new(laws, held_s),
             qpos: vector("qpos", qpos)?.as_slice()?.to_vec(),
             qvel: vector("qvel", qvel)?.as_slice()?.to_vec(),
+            act: vector("act", act)?.as_slice()?.to_vec(),
             baumgarte: Baumgarte { beta, k },
             observed,
             conserved,

@@ -15,6 +15,7 @@ NAMES = {
     "D4": "implicit-damping",
     "D5": "scale",
     "D6": "solver",
+    "D8": "motion",
     "D7": "above-limit",
     "T1": "recipe",
     "T2": "unstable",
@@ -34,13 +35,26 @@ NAMES = {
     "L8": "doubtful-rank",
     "S1": "inconsistent-start",
     "S2": "cannot-close",
+    "S4": "lasting",
     "S3": "locked",
     "R1": "diverged",
     "R2": "inequalities-active",
+    "U4": "dead-point",
+    "U5": "branch",
     "U3": "shared-with-contacts",
     "C1": "fights-loop",
     "C2": "friction-lag",
     "C3": "locked-by-limits",
+    "C4": "collision",
+    "L9": "contradictory",
+    "L10": "pin",
+    "L11": "doubled",
+    "L12": "idle",
+    "S5": "drawn",
+    "S6": "by-definition",
+    "A1": "servo",
+    "A2": "unit",
+    "T6": "under-damped",
     "V1": "version",
     "V2": "sparse-newton",
 }
@@ -55,7 +69,7 @@ def test_codes_are_stable():
 @pytest.mark.parametrize("code", NAMES)
 def test_every_code_has_all_parts(code):
     entry = catalogue()[code]
-    assert re.fullmatch(r"[A-Z][1-9]", code)
+    assert re.fullmatch(r"[A-Z][1-9][0-9]?", code)
     assert re.fullmatch(r"[a-z]+(-[a-z]+)*", entry.name)
     assert entry.severity in SEVERITIES
     assert entry.title.endswith(".")

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.base.text import quoted
 from oarlock.cases.equality_kinds import unknown
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.mechanics.inequalities import IGNORED
@@ -119,7 +120,9 @@ class Assembly:
         if not finite.all():
             bad = int(finite.argmin())
             name = self.equalities[int(np.searchsorted(self.starts, bad, side="right")) - 1].name
-            raise InputError(f"equality '{name}' has rows that are not finite at the start, expected finite numbers")
+            raise InputError(
+                f"equality {quoted(name)} has rows that are not finite at the start, expected finite numbers"
+            )
 
     def _fixed(self) -> np.ndarray:
         """Deviations (n) of connects and of the points of welds that MuJoCo leaves out: no joint moves their ends."""

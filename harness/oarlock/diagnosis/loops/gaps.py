@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from oarlock.base.text import quoted
 from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import Loops, loops_at
 from oarlock.mechanics.names import Equality
@@ -82,8 +83,8 @@ class Culprits:
 
     def __str__(self) -> str:
         if self.alone:
-            return "; ".join(f"'{opening.equality}' is short by {opening}" for opening in self.openings)
-        names = " and ".join(f"'{name}'" for name in self.equalities)
+            return "; ".join(f"{quoted(opening.equality)} is short by {opening}" for opening in self.openings)
+        names = " and ".join(quoted(name) for name in self.equalities)
         short = sum(opening.largest for opening in self.openings)
         unit = "m" if any(opening.metres for opening in self.openings) else "rad"
         return f"{names} cannot hold together: short by {short:#.4g} {unit}"

@@ -62,12 +62,14 @@ class Layout:
         starts: first row of each of them.
         owner: row → place of its equality in ``equalities``, (rows).
         named: the rows.
+        skipped: numbers of active equalities whose rows are not known: those of flexes.
     """
 
     equalities: tuple[Equality, ...]
     starts: tuple[int, ...]
     owner: np.ndarray
     named: tuple[Row, ...]
+    skipped: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, model: mujoco.MjModel, active: np.ndarray | None = None) -> "Layout":
@@ -77,7 +79,8 @@ class Layout:
         counts = [equality.rows for equality in chosen]
         starts = tuple(np.concatenate([[0], np.cumsum(counts)])[:-1].astype(int).tolist())
         owner = np.repeat(np.arange(len(chosen)), counts)
-        return cls(chosen, starts, owner, tuple(row for one in chosen for row in _rows(one)))
+        skipped = tuple(one.index for one in equalities(model) if not one.kind.known and active[one.index])
+        return cls(chosen, starts, owner, tuple(row for one in chosen for row in _rows(one)), skipped)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -99,11 +102,16 @@ class Layout:
         start = self.starts[place]
         return slice(start, start + self.equalities[place].rows)
 
+    def activate(self, data: mujoco.MjData) -> None:
+        """Switches these equalities on in a data, and all others off."""
+        data.eq_active[:] = 0
+        data.eq_active[[one.index for one in self.equalities]] = 1
+
     def columns(self, owners: np.ndarray) -> np.ndarray:
-        """Where MuJoCo's equality rows belong, given the equality of each, ``efc_id[:ne]``.
+        """Where MuJoCo's equality rows belong, given the equality of each, ``efc_id[:ne]`` without ``skipped``.
 
         Raises:
-            InputError: an equality that was not active at the start, or a flex.
+            InputError: an equality that was not active at the start.
         """
         first = {equality.index: start for equality, start in zip(self.equalities, self.starts, strict=True)}
         taken: dict[int, int] = {}
@@ -125,12 +133,21 @@ class RowColumns:
     def __init__(self, layout: Layout):
         self._layout = layout
         self._owners = b""
+        self._count = 0
         self._columns = np.zeros(0, dtype=int)
+        self._rows: slice | np.ndarray = slice(0, 0)
 
     def of(self, data: mujoco.MjData) -> np.ndarray:
-        """At a state whose position stage is done."""
+        """At a state whose position stage is done; without the rows of equalities that the layout skips."""
         ids = data.efc_id[: data.ne]
         owners = ids.tobytes()
-        if owners != self._owners or len(self._columns) != len(ids):
-            self._columns, self._owners = self._layout.columns(ids), owners
+        if owners != self._owners or self._count != len(ids):
+            kept = ~np.isin(ids, self._layout.skipped)
+            self._rows = slice(0, len(ids)) if kept.all() else np.flatnonzero(kept)
+            self._columns, self._owners, self._count = self._layout.columns(ids[kept]), owners, len(ids)
         return self._columns
+
+    def rows(self, data: mujoco.MjData) -> "slice | np.ndarray":
+        """Which of MuJoCo's rows those are."""
+        self.of(data)
+        return self._rows

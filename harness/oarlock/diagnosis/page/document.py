@@ -13,6 +13,7 @@ from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.runs.row_law import CAUSES
 from oarlock.diagnosis.runs.trials import Trial
 from oarlock.diagnosis.verdict.findings import Finding
+from oarlock.mechanics.flexes import flex_names
 from oarlock.tables.provenance import occasion, versions
 
 
@@ -30,8 +31,10 @@ def document(exam: Examination, findings: Sequence[Finding]) -> dict[str, Any]:
             "laws": exam.laws,
             "timestep_s": exam.timestep_s,
             "duration_s": exam.duration_s,
-            "target": exam.options.target,
+            "target": exam.target,
+            "size": exam.size,
             "ignored": exam.ignored,
+            "flexes": flex_names(exam.model),
             "missing": exam.missing,
             "loops": _loops(exam),
             "start": _start(exam),
@@ -40,8 +43,14 @@ def document(exam: Examination, findings: Sequence[Finding]) -> dict[str, Any]:
                 for one in exam.settings
             ],
             "drift": [asdict(one) for one in exam.drifts],
+            "collisions": [asdict(one) for one in exam.collisions],
             "exact": _exact(exam),
             "why": _why(exam),
+            "without": exam.without,
+            "pace": exam.pace,
+            "dead_point": exam.dead_point,
+            "branch": exam.branch,
+            "lasting": exam.lasting,
             "recipe": _recipe(exam),
             "reactions": _reactions(exam),
             "forces": [*_forces(exam.given, "mujoco"), *_forces(exam.determined, "exact")],

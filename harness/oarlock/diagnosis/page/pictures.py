@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 
 from oarlock.base.text import one_line as plain
+from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.loops.wrenches import Wrench
@@ -359,7 +360,7 @@ def _wrench_figure(exam: Examination, number: int, given: Wrench | None, determi
         return None
     on = f"on {ends[0]}, the opposite on the other" if some.frames else "along the joint or tendon"
     between = " and ".join(ends)
-    caption = f"What goes through '{plain(some.equality)}' between {between}: {on}. Solid: MuJoCo; dashed: exact."
+    caption = f"What goes through {quoted(plain(some.equality))} between {between}: {on}. Solid: MuJoCo; dashed: exact."
     return Figure(f"forces-{number}", caption, alt.vconcat(*panels).resolve_scale(color="independent"))
 
 

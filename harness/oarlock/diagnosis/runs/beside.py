@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.runs.pushes import pushing_rows
+from oarlock.mechanics.flexes import flex_equalities
 from oarlock.mechanics.inequalities import row_name
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.reactions import VANISHES
@@ -39,7 +40,11 @@ def find_beside(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Beside, ...
         return ()
     rows = jacobian(model, data)
     sizes = np.linalg.norm(rows, axis=1)
-    chosen = [*np.flatnonzero(sizes[:ne] > 0.0).tolist(), *[row for row in pushing.tolist() if sizes[row] > 0.0]]
+    loops_only = ~np.isin(data.efc_id[:ne], flex_equalities(model))
+    chosen = [
+        *np.flatnonzero((sizes[:ne] > 0.0) & loops_only).tolist(),
+        *[row for row in pushing.tolist() if sizes[row] > 0.0],
+    ]
     unit = rows[chosen] / sizes[chosen, None]
     owners = np.array([int(data.efc_id[row]) if row < ne else -1 for row in chosen])
     loops = owners >= 0

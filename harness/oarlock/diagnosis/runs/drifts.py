@@ -63,6 +63,12 @@ def find_drifts(recording: Recording, exact: ExactRun | None) -> list[Drift]:
     return found
 
 
+def drift_of(model: mujoco.MjModel, layout: Layout, place: int, position: np.ndarray, time: np.ndarray) -> Drift:
+    """The drift of one equality, by its place in a layout, from the deviations of all rows (T, n) over times (T)."""
+    metres, radians, at = _worst(model, layout, place, position, False)
+    return Drift(layout.equalities[place].name, "position", metres, radians, float(time[at]))
+
+
 def _worst(
     model: mujoco.MjModel, layout: Layout, place: int, values: np.ndarray, rates: bool
 ) -> tuple[float | None, float | None, int]:

@@ -13,8 +13,9 @@ from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.integrators import INTEGRATORS, SUBSTITUTE
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
-from oarlock.diagnosis.runs.controls import drive
+from oarlock.diagnosis.runs.trials import Start
 from oarlock.diagnosis.runs.walking import End, own_copy
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.curvature import Curvature
 from oarlock.mechanics.prepare import integrator_of, set_integrator
 from oarlock.stepping.ending import Ending
@@ -85,7 +86,13 @@ class ExactRun:
 
 
 def record_exact(
-    model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, laws: dict[str, str], steps: int
+    model: mujoco.MjModel,
+    qpos: np.ndarray,
+    qvel: np.ndarray,
+    laws: dict[str, str],
+    steps: int,
+    *,
+    act: np.ndarray | None = None,
 ) -> ExactRun:
     """Runs the exact solution from a closed start.
 
@@ -97,11 +104,12 @@ def record_exact(
         qvel: start along the constraints, (nv).
         laws: as of ``recording.record``.
         steps: how many.
+        act: activations at the start, (na); zero if left out.
 
     Raises:
         InputError: no equality row, or one whose J̇v is not known.
     """
-    own = own_copy(model)
+    own, start = own_copy(model), Start(qpos, qvel, act)
     own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     asked, note = integrator_of(model), ""
     stuck = model.na and not asked.takes_activations
@@ -109,7 +117,7 @@ def record_exact(
         set_integrator(own, SUBSTITUTE.name)
         note = f"{SUBSTITUTE} in place of {asked}"
         note += f", for the model has {model.na} actuator activation(s)" if stuck else ""
-    first = _record(own, qpos, qvel, laws, steps, note)
+    first = _record(own, start, laws, steps, note)
     if _trusted(first) or first.end.how == "refused" or FINER * steps * model.nv > FINER_WORK:
         return first
     finest = INTEGRATORS["rk4"] if not model.na else SUBSTITUTE
@@ -117,7 +125,7 @@ def record_exact(
     own.opt.timestep /= FINER
     why = "it is too far off" if first.end.how == "finished" else f"it was lost at t = {first.end.time_s:.6g} s"
     again = f"at a tenth of the timestep: with {first.integrator} at the whole one {why}"
-    finer = _record(own, qpos, qvel, laws, steps, f"{note}; {again}" if note else again, FINER)
+    finer = _record(own, start, laws, steps, f"{note}; {again}" if note else again, FINER)
     return finer if _trusted(finer) else first
 
 
@@ -126,17 +134,16 @@ def _trusted(run: ExactRun) -> bool:
     return run.end.how == "finished" and float(run.error.max(initial=0.0)) <= ERROR_BOUND
 
 
-def _record(
-    own: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, laws: dict[str, str], steps: int, note: str, parts: int = 1
-) -> ExactRun:
+def _record(own: mujoco.MjModel, start: Start, laws: dict[str, str], steps: int, note: str, parts: int = 1) -> ExactRun:
     """A run of a model's own integrator and timestep, of which every ``parts``-th step is kept, ``steps`` in all."""
     data = mujoco.MjData(own)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data.qpos[:], data.qvel[:] = start.qpos, start.qvel
     layout = Layout.of(own, data.eq_active)
     Curvature(own, data)
     if layout.rows == 0:
         raise InputError("no active equality, expected at least one that closes a loop")
-    prepared = Prepared(own, drive(own, laws), data.qpos.copy(), data.qvel.copy(), parts * steps)
+    driven = drive(own, laws, parts)
+    prepared = Prepared(own, driven, data.qpos.copy(), data.qvel.copy(), parts * steps, act=start.act)
     path = fitting_path(prepared, Baumgarte())
     (table,), ending = path.free(SOLVER, "hard", TRACKED)
     rows = _Rows(own, layout, steps)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.walking import walk
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.names import element_name
 
 HALF = 0.5
@@ -38,16 +38,11 @@ class Lag:
     stuck: float
 
 
-def find_lags(
-    recording: Recording, qpos: np.ndarray, qvel: np.ndarray, laws: dict[str, str], visible: float
-) -> tuple[Lag, ...]:
+def find_lags(recording: Recording, visible: float) -> tuple[Lag, ...]:
     """Runs MuJoCo once more for each joint equality that opens by more than ``visible`` and whose joints rub.
 
     Args:
         recording: MuJoCo's run as configured.
-        qpos: its start, (nq).
-        qvel: its start, (nv).
-        laws: its controls.
         visible: m or rad.
     """
     model, found = recording.model, []
@@ -63,7 +58,7 @@ def find_lags(
         rubbing = [joint for joint in joints if joint >= 0 and model.dof_frictionloss[model.jnt_dofadr[joint]] > 0.0]
         if given <= visible or not rubbing:
             continue
-        without = _without(recording, qpos, qvel, laws, equality.index, rubbing)
+        without = _without(recording, equality.index, rubbing)
         names = tuple(element_name(model, _JOINT, joint) for joint in rubbing)
         if without < HALF * given:
             holds = max(stuck.get(f"friction of joint '{name}'", 0.0) for name in names)
@@ -71,16 +66,13 @@ def find_lags(
     return tuple(found)
 
 
-def _without(
-    recording: Recording, qpos: np.ndarray, qvel: np.ndarray, laws: dict[str, str], equality: int, joints: list[int]
-) -> float:
+def _without(recording: Recording, equality: int, joints: list[int]) -> float:
     """Lasting deviation of an equality in the same run without the friction loss of some joints."""
     model = copy.deepcopy(recording.model)
     model.dof_frictionloss[model.jnt_dofadr[joints]] = 0.0
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data = recording.restart(model)
     deviations = []
-    for _ in walk(model, data, drive(model, laws), recording.steps):
+    for _ in walk(model, data, drive(model, recording.laws), recording.steps):
         own = data.efc_pos[: data.ne][data.efc_id[: data.ne] == equality]
         deviations.append(float(np.abs(own).max(initial=0.0)))
     return _lasting(np.array(deviations))

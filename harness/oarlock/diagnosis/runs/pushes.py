@@ -21,6 +21,7 @@ class Push:
         steps: in how many steps it pushed.
         stuck: in how many of them a friction was below its loss.
         largest: its largest force, N or N m; of a contact along the normal, all its points together.
+        geoms: of a contact, the numbers of its two.
     """
 
     kind: Kind
@@ -30,6 +31,7 @@ class Push:
     steps: int = 0
     stuck: int = 0
     largest: float = 0.0
+    geoms: tuple[int, ...] = ()
 
 
 class Pushes:
@@ -73,6 +75,7 @@ class Pushes:
         if key not in self._found:
             kind = KINDS[int(data.efc_type[row])]
             self._found[key] = Push(kind, row_name(self._model, data, row), data.time, data.time)
+            self._found[key].geoms = key[1:] if kind == "contact" else ()
         push = self._found[key]
         push.last_s, push.largest = data.time, max(push.largest, abs(force))
         push.steps += 1

@@ -9,7 +9,7 @@ evaluations of the model: nothing that is chosen or reported depends on a clock.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
@@ -19,6 +19,7 @@ from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, Row
 from oarlock.diagnosis.options import BUDGET_S
 from oarlock.diagnosis.runs.budget import Budget, CutShortError
+from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_trial
 from oarlock.mechanics.curvature import bends
 from oarlock.mechanics.names import equalities
@@ -43,7 +44,7 @@ MAX_STEPS = 400_000
 """Steps of a trial at most."""
 
 FLOOR = 0.5
-"""A drift that falls by less than this when the timestep is halved or more stands on something else."""
+"""A solver with enough iterations that leaves less than this of a drift was what it wanted."""
 
 LEAP, PROBE = 8.0, 4.0
 """Before a timestep is made smaller by more than the first, it is by the second: to see whether that helps at all."""
@@ -79,6 +80,7 @@ class Recipe:
         conserving: a run by Runge–Kutta that holds too, and whose energy error is a tenth of the chosen one's or less;
             None where the chosen one loses less than ``LOST``, or there is no such run.
         trials: every run that was made, in order.
+        starved: what a solver with enough iterations and tolerance makes of it, where that is much less.
     """
 
     target: float
@@ -89,6 +91,7 @@ class Recipe:
     verified: list[Trial]
     conserving: Trial | None
     trials: list[Trial]
+    starved: "Starved | None" = None
 
     @property
     def reached(self) -> bool:
@@ -109,6 +112,14 @@ class Recipe:
             if not front or trial.drift < front[-1].drift:
                 front.append(trial)
         return front
+
+
+@dataclass(frozen=True)
+class Starved:
+    """A solver that stops too early for stiff equalities: the same run with it and with one that does not."""
+
+    given: Trial
+    fed: Trial
 
 
 def deadbeat(timestep_s: float, integrator: str) -> Setting:
@@ -176,6 +187,9 @@ class _Search:
         self._budget = budget
         self._refused = self._short = ""
         self._floored = False
+        self._solving: Solving | None = None
+        self._asked = False
+        self._starved: Starved | None = None
         self._trials: list[Trial] = []
 
     def run(self, seeds: tuple[int, ...]) -> Recipe:
@@ -195,7 +209,9 @@ class _Search:
             except CutShortError as error:
                 reason += f"; {error}, before a run that loses less was looked for"
         verified = self._tried(chosen.setting, starts)
-        return Recipe(self._target, outcome, reason, authored, chosen, verified, conserving, self._trials)
+        return Recipe(
+            self._target, outcome, reason, authored, chosen, verified, conserving, self._trials, self._starved
+        )
 
     def _decide(self, authored: Trial, starts: list[Start]) -> tuple[Outcome, str, Trial]:
         """The outcome, the reason, and the trial that is chosen."""
@@ -216,7 +232,7 @@ class _Search:
                 break
             way = self._way(best)
             shorter = self._shorter(best.setting.timestep_s, worst)
-            again = self._try(f"{way}, for disturbed starts", _WAYS[way](shorter, best.setting.integrator))
+            again = self._try(f"{way}, for disturbed starts", self._set(way, shorter, best.setting.integrator))
             if again is None:
                 break
             best, verified = again, self._verify(again, starts)
@@ -237,7 +253,7 @@ class _Search:
             return None
         timestep = float(self._model.opt.timestep)
         if not any(trial.setting.integrator == CONSERVING for trial in self._own_trials()):
-            self._try(f"critical, {CONSERVING}", critical(timestep, CONSERVING))
+            self._try(f"critical, {CONSERVING}", self._set("critical", timestep, CONSERVING))
         found = [
             trial
             for trial in self._own_trials()
@@ -291,10 +307,28 @@ class _Search:
         way, integrator = family
         trial = None
         for halving in range(HALVINGS + 1):
-            trial = self._try(f"{way}, {integrator}", _WAYS[way](timestep / 2**halving, integrator))
+            trial = self._try(f"{way}, {integrator}", self._set(way, timestep / 2**halving, integrator))
+            if halving == 0:
+                trial = self._fed(trial)
             if trial is None or math.isfinite(trial.drift):
                 break
         return trial
+
+    def _set(self, way: str, timestep: float, integrator: str) -> Setting:
+        return replace(_WAYS[way](timestep, integrator), solving=self._solving)
+
+    def _fed(self, trial: Trial | None) -> Trial | None:
+        """The same with a solver that has enough, where that opens much less; the search is then made with it."""
+        given = Solving.of(self._model)
+        if trial is None or self._asked or trial.drift <= self._target or not given.short:
+            return trial
+        self._asked = True
+        setting = replace(trial.setting, solving=given.enough)
+        fed = self._try(f"{trial.label}, {given.enough.solver}", setting)
+        if fed is None or not fed.drift < FLOOR * trial.drift:
+            return trial
+        self._solving, self._starved = given.enough, Starved(trial, fed)
+        return fed
 
     def _refine(self, family: _Family, trial: Trial) -> None:
         way, integrator = family
@@ -305,11 +339,11 @@ class _Search:
             timestep, expected = self._shorter(now, trial.drift), MARGIN * self._target
             if now / timestep > LEAP:
                 timestep, expected = now / PROBE, trial.drift / PROBE**2
-            setting = _WAYS[way](timestep, integrator)
+            setting = self._set(way, timestep, integrator)
             after = self._try(f"{way}, {integrator}, smaller step", setting, expected)
             if after is None:
                 return
-            if after.drift > FLOOR * trial.drift:
+            if after.drift > math.sqrt(timestep / now) * trial.drift:
                 self._floored = True
                 return
             trial = after
@@ -321,7 +355,9 @@ class _Search:
         way, integrator = family
         timestep = self._shorter(trial.setting.timestep_s, trial.drift)
         if timestep < float(self._model.opt.timestep):
-            self._try(f"{way}, {integrator}, coarser again", _WAYS[way](timestep, integrator), MARGIN * self._target)
+            self._try(
+                f"{way}, {integrator}, coarser again", self._set(way, timestep, integrator), MARGIN * self._target
+            )
 
     def _shorter(self, timestep: float, drift: float) -> float:
         """Timestep h' = h √(0.7 target/r), down to two digits."""
@@ -383,20 +419,21 @@ class _Search:
 
     def _way(self, trial: Trial) -> str:
         made = _WAYS["critical"](trial.setting.timestep_s, trial.setting.integrator)
-        return "critical" if trial.setting == made else "deadbeat"
+        return "critical" if trial.setting.solref == made.solref else "deadbeat"
 
     # In words.
 
     def _success(self, trial: Trial) -> str:
-        authored = Setting.authored(self._model)
-        if trial.setting.integrator != authored.integrator:
-            changed = f"{trial.setting.integrator} in place of {authored.integrator}"
-            same = trial.setting.timestep_s == authored.timestep_s
-            return changed + (", at the same timestep" if same else f", at {trial.setting.timestep_s:g} s")
-        if trial.setting.timestep_s == authored.timestep_s:
-            return "stiffer equalities at the same timestep"
-        steps = f"{trial.setting.timestep_s:g} s in place of {authored.timestep_s:g} s"
-        return f"stiffer equalities and a timestep of {steps}"
+        authored, setting = Setting.authored(self._model), trial.setting
+        fed = f"{setting.solving} and " if setting.solving is not None else ""
+        if setting.integrator != authored.integrator:
+            changed = f"{fed}{setting.integrator} in place of {authored.integrator}"
+            same = setting.timestep_s == authored.timestep_s
+            return changed + (", at the same timestep" if same else f", at {setting.timestep_s:g} s")
+        if setting.timestep_s == authored.timestep_s:
+            return f"{fed}stiffer equalities at the same timestep"
+        steps = f"{setting.timestep_s:g} s in place of {authored.timestep_s:g} s"
+        return f"{fed}stiffer equalities and a timestep of {steps}"
 
     def _so_far(self, best: Trial, starts: list[Start]) -> str:
         """What is known where the search was cut short."""

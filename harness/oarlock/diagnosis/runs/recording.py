@@ -14,7 +14,6 @@ from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.beside import Beside, find_beside
-from oarlock.diagnosis.runs.controls import drive
 from oarlock.diagnosis.runs.pushes import Push, Pushes
 from oarlock.diagnosis.runs.walking import (
     End,
@@ -25,8 +24,8 @@ from oarlock.diagnosis.runs.walking import (
     walk,
     warnings_of,
 )
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.curvature import Curvature
-from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import integrator_of
@@ -66,6 +65,7 @@ class Recording:
         other_power: power of everything but loops, gravity and springs, W, (steps): drives, dampers, contacts, limits.
         iterations: of the constraint solver, over all islands.
         others: active rows that are not equalities'.
+        act: activations at the start, (na); laws: actuator → law of time.
         pushes: what each limit, friction loss and contact did.
         beside: equalities whose reactions those leave open, at the last state in which any pushed.
         warnings: MuJoCo's own, with how often they came.
@@ -99,6 +99,8 @@ class Recording:
     other_power: np.ndarray
     iterations: np.ndarray
     others: np.ndarray
+    act: np.ndarray
+    laws: dict[str, str]
     pushes: tuple[Push, ...]
     beside: tuple[Beside, ...]
     warnings: dict[str, int]
@@ -113,6 +115,12 @@ class Recording:
     def steps(self) -> int:
         """Steps that were recorded."""
         return len(self.time)
+
+    def restart(self, model: mujoco.MjModel) -> mujoco.MjData:
+        """A data of another copy of the model where this run started."""
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.act[:] = self.qpos[0], self.qvel[0], self.act
+        return data
 
     @cached_property
     def drift(self) -> np.ndarray:
@@ -196,7 +204,7 @@ def record(
     data.qpos[:], data.qvel[:] = qpos, qvel
     if act is not None:
         data.act[:] = act
-    return _Recorder(own, data, steps).run(drive(own, laws))
+    return _Recorder(own, data, steps).run(laws)
 
 
 class _Recorder:
@@ -205,7 +213,7 @@ class _Recorder:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, steps: int):
         self._model, self._data, self._steps = model, data, steps
         self._layout = Layout.of(model, data.eq_active)
-        self._curvature = Curvature(model, data)
+        self._curvature = Curvature(model, data, lenient=True)
         if self._layout.rows == 0:
             raise InputError("no active equality, expected at least one that closes a loop")
         rows, nv = self._layout.rows, model.nv
@@ -216,21 +224,25 @@ class _Recorder:
         self._coordinates = np.zeros((steps, model.nq))
         self._qvel, self._qacc, self._free = np.zeros((3, steps, nv))
         self._ctrl = np.zeros((steps, model.nu))
+        self._act = data.act.copy()
         self._columns = RowColumns(self._layout)
         self._block = max(1, min(steps, BLOCK_BYTES // (8 * rows * max(rows, nv))))
         self._whitened = np.zeros((self._block, rows, nv))
         self._missed = np.zeros((self._block, rows))
         self._whole = np.full((self._block, rows), np.nan)
-        self._state = State(model, data, Baumgarte())
-        self._question, self._solver = Question(self._state, "matched"), SolverSpec("auto").make()
+        # Beside a flex the whole problem is not ours: what its rows and MuJoCo's solver make of it is taken as given.
+        self._state = None if self._layout.skipped else State(model, data, Baumgarte())
+        self._question = Question(self._state, "matched") if self._state is not None else None
+        self._solver = SolverSpec("auto").make()
         self._solved = 0
         self._pushes = Pushes(model)
 
-    def run(self, drive: Drive) -> Recording:
+    def run(self, laws: dict[str, str]) -> Recording:
         model, data = self._model, self._data
+        driven = drive(model, laws)
         taken = 0
         with np.errstate(all="ignore"), collected_warnings():  # of a run that diverges
-            for step in walk(model, data, drive, self._steps):
+            for step in walk(model, data, driven, self._steps):
                 self._take(step)
                 taken = step + 1
                 if taken - self._solved == self._block:
@@ -260,6 +272,8 @@ class _Recorder:
             other_power=self._power[:taken],
             iterations=self._iterations[:taken],
             others=self._others[:taken],
+            act=self._act,
+            laws=laws,
             pushes=self._pushes.found,
             beside=find_beside(model, data) if end.how == "finished" else (),
             warnings=warnings_of(data),
@@ -278,11 +292,11 @@ class _Recorder:
         slot = step - self._solved
         self._whitened[slot] = 0.0
         self._missed[slot] = 0.0
-        self._power[step] = other_power(data)
+        self._power[step] = other_power(data, self._layout.skipped)
         if ne == 0:
             self._free[step] = data.qacc
             return
-        columns = self._columns.of(data)
+        columns, own = self._columns.of(data), self._columns.rows(data)
         rows = self._rows
         for name, values in (
             ("position", data.efc_pos),
@@ -292,18 +306,18 @@ class _Recorder:
             ("aref", data.efc_aref),
             ("diagonal_approx", data.efc_diagA),
         ):
-            rows[name][step, columns] = values[:ne]
-        stiffness, damping, impedance, _ = data.efc_KBIP[:ne].T
+            rows[name][step, columns] = values[own]
+        stiffness, damping, impedance, _ = data.efc_KBIP[own].T
         rows["stiffness"][step, columns] = stiffness
         rows["damping"][step, columns] = damping
         rows["impedance"][step, columns] = impedance
         self._present[step, columns] = True
         bend = np.empty(ne)
         self._curvature.write(data, bend)
-        rows["curvature"][step, columns] = bend
+        rows["curvature"][step, columns] = bend[own]
 
-        jacobian = closing_jacobian(model, data)
-        force = data.efc_force[:ne]
+        jacobian = closing_jacobian(model, data)[own]
+        force = data.efc_force[own]
         loops = jacobian.T @ force
         change = np.zeros((2, model.nv))
         mujoco.mj_solveM(model, data, change, np.stack([data.qfrc_constraint, data.qfrc_constraint - loops]))
@@ -311,17 +325,19 @@ class _Recorder:
         self._free[step] = data.qacc_smooth + change[1]
         self._whitened[slot, columns] = whiten(model, data, jacobian)
         achieved = jacobian @ (data.qacc_smooth + change[0])
-        missed = data.efc_aref[:ne] - achieved - data.efc_R[:ne] * force
+        missed = data.efc_aref[own] - achieved - data.efc_R[own] * force
         self._missed[slot, columns] = missed
         self._whole[slot] = np.nan
-        if nefc > ne and not np.abs(missed).max() <= NEGLIGIBLE * np.abs(data.efc_R[:ne] * force).max():
-            self._whole[slot, columns] = self._matched()
+        if self._state is None or self._question is None or nefc == ne:
+            return
+        if not np.abs(missed).max() <= NEGLIGIBLE * np.abs(data.efc_R[own] * force).max():
+            self._whole[slot, columns] = self._matched(self._state, self._question)
 
-    def _matched(self) -> np.ndarray:
+    def _matched(self, state: State, question: Question) -> np.ndarray:
         """Multipliers (ne) of the whole problem at the present state, by a solver of ours."""
-        self._state.read()
-        self._question.ask()
-        return self._question.solve(self._solver)[0]
+        state.read()
+        question.ask()
+        return question.solve(self._solver)[0]
 
     def _solve(self, taken: int) -> None:
         """f* = f + (A + R)⁻¹ (aref − J a − R f) of the steps of a block: exact also where A + R is ill-conditioned."""

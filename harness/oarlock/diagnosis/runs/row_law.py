@@ -327,6 +327,7 @@ def _accelerations(attribution: Attribution, instants: np.ndarray | None) -> Acc
         instants = np.unique([*spaced, *(min(step, recording.steps - 1) for step in worst)])
     ranks = ranks_at(recording, instants)
     data = mujoco.MjData(recording.model)
+    recording.layout.activate(data)
     parts = np.zeros((len(CAUSES), len(instants), recording.model.nv))
     for place, (step, rank) in enumerate(zip(instants, ranks, strict=True)):
         data.qpos[:] = recording.qpos[step]
@@ -356,6 +357,7 @@ def ranks_at(recording: Recording, instants: np.ndarray) -> np.ndarray:
     model = copy.deepcopy(recording.model)
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     data = mujoco.MjData(model)
+    recording.layout.activate(data)
     projector = Projector(model, None, SolverSpec(REFERENCE))
     found = np.zeros(len(instants), dtype=int)
     for place, step in enumerate(instants):

@@ -9,8 +9,10 @@ import numpy as np
 from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
-from oarlock.diagnosis.runs.controls import drive
+from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
+from oarlock.mechanics.controls import drive
+from oarlock.mechanics.flexes import without_flexes
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import equalities
@@ -32,12 +34,14 @@ class Setting:
     Attributes:
         integrator: by its name.
         solref, solimp: None: as authored.
+        solving: solver, iterations and tolerance; None: as authored.
     """
 
     timestep_s: float
     integrator: str
     solref: tuple[float, float] | None = None
     solimp: tuple[float, float, float, float, float] | None = None
+    solving: Solving | None = None
 
     @classmethod
     def authored(cls, model: mujoco.MjModel) -> "Setting":
@@ -62,10 +66,13 @@ class Setting:
             model.eq_solref[ours] = self.solref
         if self.solimp is not None:
             model.eq_solimp[ours] = self.solimp
+        if self.solving is not None:
+            self.solving.apply(model)
 
     def option_attributes(self) -> dict[str, str]:
         """Attributes of ``<option>``."""
-        return {"timestep": exact(self.timestep_s), "integrator": INTEGRATORS[self.integrator].mjcf}
+        given = {"timestep": exact(self.timestep_s), "integrator": INTEGRATORS[self.integrator].mjcf}
+        return given | (self.solving.attributes() if self.solving is not None else {})
 
     def equality_attributes(self) -> dict[str, str]:
         """Attributes of every equality; none where they stay as authored."""
@@ -179,13 +186,13 @@ def run_trial(
         for step in walk(own, data, drive(own, laws), steps):
             if tick is not None:
                 tick()
-            energy[step], power[step] = data.energy, other_power(data)
+            energy[step], power[step] = data.energy, other_power(data, layout.skipped)
             slot = step % _BLOCK
-            if data.ne == layout.rows:
+            if data.ne == layout.rows and not layout.skipped:
                 block[slot] = data.efc_pos[: layout.rows]
             else:
                 block[slot] = 0.0
-                block[slot, columns.of(data)] = data.efc_pos[: data.ne]
+                block[slot, columns.of(data)] = data.efc_pos[columns.rows(data)]
             if step == 0:
                 opening = float(np.abs(block[0]).max(initial=0.0))
             taken = step + 1
@@ -233,7 +240,7 @@ def disturbed(model: mujoco.MjModel, start: Start, seed: int) -> Start | None:
 
     Contacts and limits are not looked at: a disturbed start may touch what the given one does not.
     """
-    own = own_copy(model)
+    own = own_copy(without_flexes(model))
     own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     own.opt.disableflags |= IGNORED
     for size in DISTURBANCES:

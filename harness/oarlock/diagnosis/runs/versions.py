@@ -5,6 +5,9 @@ import numpy as np
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.row_law import step_maps
 
+OLDER = 3.0
+"""Times the drift: so much more a version without J̇v must make of it to be worth a word."""
+
 
 def without_curvature(recording: Recording) -> np.ndarray:
     """The response of every row of a connect or weld to J̇v, (steps, rows), m or rad; 0 on other rows.

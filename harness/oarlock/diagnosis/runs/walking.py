@@ -61,7 +61,7 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
     if drive is not None:
         drive.apply(data)
     with nullcontext() if drive is None or constant else drive.installed():
-        for step in walkers.walk(MujocoWalker(model, data), steps):
+        for step in walkers.walk(MujocoWalker(model, data, drive), steps):
             if not bounded(data.qacc, data.qvel, data.qpos):
                 return
             yield step
@@ -90,10 +90,16 @@ def warnings_of(data: mujoco.MjData) -> dict[str, int]:
     return {name.removeprefix("mjWARN_").lower(): n for kind, name in kinds if (n := int(data.warning[kind].number))}
 
 
-def other_power(data: mujoco.MjData) -> float:
-    """Power (W) of everything but loops, gravity and springs at a state that mj_forward was called for."""
+def other_power(data: mujoco.MjData, skipped: tuple[int, ...] = ()) -> float:
+    """Power (W) of everything but loops, gravity and springs at a state that mj_forward was called for.
+
+    Equalities with the numbers ``skipped`` are no loops.
+    """
     ne = data.ne
     power = data.qvel @ (data.qfrc_smooth + data.qfrc_bias - data.qfrc_spring)
     if data.nefc > ne:
         power += data.efc_force[ne : data.nefc] @ data.efc_vel[ne : data.nefc]
+    if skipped:
+        others = np.isin(data.efc_id[:ne], skipped)
+        power += data.efc_force[:ne][others] @ data.efc_vel[:ne][others]
     return float(power)

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import finite, percent
+from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
@@ -16,8 +17,8 @@ from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
 from oarlock.diagnosis.runs.recipe import LOST, Recipe
 from oarlock.diagnosis.runs.row_law import Share
 from oarlock.diagnosis.runs.trials import Setting, Trial
-from oarlock.diagnosis.runs.versions import without_curvature
-from oarlock.diagnosis.verdict.causes import CAUSE, IMPLICIT
+from oarlock.diagnosis.runs.without import Without
+from oarlock.diagnosis.verdict.causes import CAUSE, IMPLICIT, Cause
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found
 from oarlock.mechanics.rows import closing_jacobian
 
@@ -29,9 +30,6 @@ UNSURE = 0.25
 
 MEANT = 0.05
 """Smallest singular value of a group that is locked, of the largest: above it no small error locked it."""
-
-OLDER = 3.0
-"""Times the drift: so much more a version without J̇v must make of it to be worth a word."""
 
 SAGS = 1.5
 """Times the largest sum of |f r|: a load that is let go takes f r once, and what overshoots is less than half of it. So
@@ -51,7 +49,7 @@ _NAMED = 3
 def in_words(names: list[str]) -> str:
     """Names in quotes, the first few of them."""
     # "and 1 more" would be longer than the name.
-    return few([f"'{name}'" for name in names], most=_NAMED if len(names) > _NAMED + 1 else _NAMED + 1)
+    return few([quoted(name) for name in names], most=_NAMED if len(names) > _NAMED + 1 else _NAMED + 1)
 
 
 def merged(findings: Iterable[Finding]) -> list[Finding]:
@@ -78,27 +76,23 @@ def drift(exam: Examination) -> Iterator[Finding]:
         return
     recording, groups = exam.recording, _groups(exam)
     beyond = _beyond_repair(exam)
-    causes: dict[tuple[str, int], list[tuple[Share, Drift, str]]] = {}
+    causes: dict[tuple[str, int], list[tuple[Share, Drift, Part]]] = {}
     for share in exam.attribution.shares:
         worst = position(exam, share.name)
-        if worst is None or worst.largest <= exam.options.target or not math.isfinite(share.worst):
+        if worst is None or worst.largest <= exam.target or not math.isfinite(share.worst):
             continue
         if share.name in beyond or share.leading == "start":  # the start has its own finding
             continue
-        cause = CAUSE[share.leading]
-        if share.leading == "stepping" and _implicit(exam, _place(exam, share)) >= _IMPLICIT:
-            cause = IMPLICIT
-        causes.setdefault((cause.code, groups.get(share.name, -1)), []).append((share, worst, cause.phrase))
+        part = _part(exam, share, worst)
+        causes.setdefault((part.cause.code, groups.get(share.name, -1)), []).append((share, worst, part))
     for (code, _), members in causes.items():
-        share, worst, words = max(members, key=lambda one: abs(one[0].worst))
-        others = [f"{percent(part)} {CAUSE[cause].phrase}" for cause, part in _seconds(share)]
-        most = f"{percent(share.shares[share.leading])} of it is {words}"
-        said = ", ".join([f"drifts {amount(exam, share)} at t = {share.time_s:.4g} s; {most}", *others])
+        share, worst, part = max(members, key=lambda one: abs(one[0].worst))
+        said = f"drifts {amount(exam, share)} at t = {share.time_s:.4g} s; {_in_parts(share, part)}"
         also = {one.name: abs(one.worst) for one, *_ in members if one is not share}
         if also:
             said += f"; for the same reason also {in_words(list(also))}"
         severity: Severity | None = None if worst.largest > VISIBLE else "note"
-        figures = _figures(share, worst) | ({"also": list(also)} if also else {})
+        figures = _figures(share, worst) | {"part": part.size} | ({"also": list(also)} if also else {})
         yield found(code, exam.file, said, element=share.name, severity=severity, **figures)
         softer = {one.name: float(recording.scale[one.row]) for one, *_ in members if recording.scale[one.row] > SCALE}
         if code == "D1" and softer:
@@ -110,8 +104,63 @@ def drift(exam: Examination) -> Iterator[Finding]:
             yield _with_others(one, rest)
 
 
-def _seconds(share: Share) -> list[tuple[str, float]]:
-    return [(cause, part) for cause, part in share.shares.items() if cause != share.leading and abs(part) >= UNSURE]
+@dataclass(frozen=True)
+class Part:
+    """What a drift is mostly made of.
+
+    Attributes:
+        cause: in words, with its code.
+        size: of the whole, 0 to 1: what taking it away saves, or where that is not measured, its part by the row law.
+        left: what is left without it, in words; empty where that is not measured.
+    """
+
+    cause: Cause
+    size: float
+    left: str = ""
+
+
+def _part(exam: Examination, share: Share, worst: Drift) -> Part:
+    whole = min(1.0, share.shares[share.leading])
+    if share.leading != "stepping":
+        return Part(CAUSE[share.leading], whole)
+    measured = {one.cause: one for one in exam.without}
+    stepping, implicit = (
+        measured[name].part(share.name, worst.largest) if name in measured else None
+        for name in ("stepping", "implicit")
+    )
+    if implicit is not None and implicit >= _IMPLICIT * (whole if stepping is None else stepping):
+        return Part(IMPLICIT, implicit, f"without it {_left(measured['implicit'], share)} is left")
+    lost = "implicit" in measured and implicit is None
+    if lost and _implicit(exam, _place(exam, share)) >= _IMPLICIT:
+        return Part(IMPLICIT, whole, "without it the run diverges")
+    if stepping is None:
+        return Part(CAUSE["stepping"], whole)
+    second = max((size, cause) for cause, size in share.shares.items() if cause != "stepping")
+    if second[0] >= UNSURE and stepping < 1.0 - stepping:  # a shorter step leaves most of it: it is the other's
+        return Part(CAUSE[second[1]], 1.0 - stepping)
+    return Part(
+        CAUSE["stepping"], stepping, f"at a quarter of the timestep {_left(measured['stepping'], share)} is left"
+    )
+
+
+def _left(one: Without, share: Share) -> str:
+    return str(one.left[share.name])
+
+
+def _in_parts(share: Share, part: Part) -> str:
+    """The parts in a sentence: together no more than the whole, and what opposes it by name only."""
+    said = [f"{percent(part.size)} of it is {part.cause.phrase}"]
+    known = (part.cause, IMPLICIT if part.cause is CAUSE["stepping"] else CAUSE["stepping"])
+    known = known if part.cause in (IMPLICIT, CAUSE["stepping"]) else (part.cause,)
+    others = {cause: size for cause, size in share.shares.items() if CAUSE[cause] not in known and abs(size) >= UNSURE}
+    rest = 1.0 - part.size
+    said += [
+        f"{percent(min(size, rest))} {CAUSE[cause].phrase}" for cause, size in others.items() if size > 0.0 and rest
+    ]
+    against = [CAUSE[cause].phrase for cause, size in others.items() if size < 0.0]
+    if against:
+        said.append(f"which {' and '.join(against)} {'opposes' if len(against) == 1 else 'oppose'}")
+    return ", ".join(said) + (f" ({part.left})" if part.left else "")
 
 
 def _groups(exam: Examination) -> dict[str, int]:
@@ -119,15 +168,22 @@ def _groups(exam: Examination) -> dict[str, int]:
 
 
 def _beyond_repair(exam: Examination) -> set[str]:
-    """Equalities whose drift says nothing: of groups that cannot be closed, and where a run diverges by itself."""
+    """Equalities whose drift says nothing: of groups that cannot be closed or are torn, and of runs that diverge."""
     groups, found_ = _groups(exam), set()
     if not exam.closed and exam.pose is not None:
         stuck = {groups.get(name) for culprit in exam.pose.culprits for name in culprit.equalities}
         found_ |= {name for name, group in groups.items() if group in stuck or not stuck}
     if exam.recording is not None and exam.recording.end.how == "diverged":
         unstable = {groups.get(one.name) for one in exam.settings if not one.stable}
-        found_ |= {name for name, group in groups.items() if group in unstable}
-    return found_
+        # Where no row is unstable by itself, something else blew the run up, and figures of such a run have no cause.
+        found_ |= {name for name, group in groups.items() if group in unstable or not unstable}
+        if any(one.severity != "note" for one in exam.remarks.get("servo", [])):  # no row makes a servo diverge
+            found_ |= set(groups)
+    if exam.dead_point is not None:  # torn: all that follows is the motion of another mechanism
+        found_ |= set(exam.dead_point.equalities)
+    wrong = [one for lint in ("contradictory", "pin") for one in exam.remarks.get(lint, []) if one.severity is None]
+    locked = {groups.get(name) for one in wrong for name in (one.element, *one.figures["also"])}
+    return found_ | {name for name, group in groups.items() if group in locked}
 
 
 def _figures(share: Share, worst: Drift) -> dict[str, float | str | None]:
@@ -173,6 +229,7 @@ def _implicit(exam: Examination, place: int) -> float:
     if not np.isfinite(update).all():
         return 0.0
     data = mujoco.MjData(recording.model)
+    recording.layout.activate(data)
     spring = recording.stiffness * recording.impedance
     pushed, parts = [], []
     for step in np.unique(np.linspace(0, recording.steps - 2, _INSTANTS).astype(int)):
@@ -187,19 +244,23 @@ def _implicit(exam: Examination, place: int) -> float:
     return float(np.linalg.norm(pushed)) / total if total else 0.0
 
 
-def meant(exam: Examination, one: Mobility) -> bool:
-    """Whether a lock is meant: rows far from redundant that hold all there is to move, a single joint, or a mocap's."""
+def lock(exam: Examination, one: Mobility) -> Severity | None:
+    """How bad a lock is; None: as the catalogue has it.
+
+    A note where it is meant, of a single joint or to a mocap body; a warning where its rows are far from redundant, so
+    that no small error made it.
+    """
     assert exam.pose is not None
     if exam.pose.tilts:
-        return False
+        return None
     own = [loop for loop in exam.pose.loops.loops if loop.name in one.equalities]
     single = all(len(loop.path.joints) <= 1 for loop in own)
     mocap = any(exam.model.body_mocapid[body] >= 0 for loop in own for body in loop.equality.bodies)
-    return one.kept > MEANT or single or mocap
+    return "note" if single or mocap else "warning" if one.kept > MEANT else None
 
 
 def _jammed(exam: Examination) -> bool:
-    return exam.pose is not None and any(one.locked and not meant(exam, one) for one in exam.pose.mobility)
+    return exam.pose is not None and any(one.locked and lock(exam, one) is None for one in exam.pose.mobility)
 
 
 # At what price.
@@ -209,6 +270,8 @@ def energy(exam: Examination) -> Iterator[Finding]:
     """E1: what the rows themselves take or give, beyond what they hold back while they stand open under a load."""
     recording, attribution = exam.recording, exam.attribution
     if recording is None or attribution is None or not attribution.shares or recording.end.how == "diverged":
+        return
+    if exam.dead_point is not None:
         return
     if (
         not exam.closed
@@ -226,34 +289,9 @@ def energy(exam: Examination) -> Iterator[Finding]:
     most = max(attribution.shares, key=lambda share: abs(share.work))
     said = f"the loops {'take' if taken < 0 else 'add'} {abs(taken):.3g} J of a kinetic energy of up to {kinetic:.3g} J"
     if len(attribution.shares) > 1:
-        said += f", '{most.name}' {abs(most.work):.3g} J of it"
+        said += f", {quoted(most.name)} {abs(most.work):.3g} J of it"
     error = float(recording.energy_error[-1])
     yield found("E1", exam.file, said, element=most.name, work_j=taken, kinetic_j=kinetic, energy_error_j=error)
-
-
-def version(exam: Examination) -> Iterator[Finding]:
-    """V1: what J̇v makes of connects and welds in versions that leave it out."""
-    if exam.attribution is None or exam.recording is None or exam.recording.end.how == "diverged" or not exam.closed:
-        return
-    response, groups = np.abs(without_curvature(exam.recording)), _groups(exam)
-    worse: dict[int, list[tuple[float, str, str]]] = {}
-    for share in exam.attribution.shares:
-        rows = exam.recording.layout.of_equality(_place(exam, share))
-        own, now = response[:, rows], position(exam, share.name)
-        peak = float(own.max(initial=0.0))
-        if now is None or not peak > max(exam.options.target, OLDER * now.largest):
-            continue
-        step, row = np.unravel_index(int(own.argmax()), own.shape)
-        unit = exam.recording.layout.units[rows.start + int(row)]
-        said = (
-            f"without J̇v, as before MuJoCo 3.7, it would drift by about {peak:.2g} {unit} more, at "
-            f"t = {exam.recording.time[step]:.4g} s; here it drifts {now.largest:.2g}"
-        )
-        worse.setdefault(groups.get(share.name, -1), []).append((peak, share.name, said))
-    for members in worse.values():
-        peak, name, said = max(members)
-        one = found("V1", exam.file, said, element=name, without=peak)
-        yield _with_others(one, [other for _, other, _ in members if other != name])
 
 
 # What to do.
@@ -286,6 +324,8 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         yield found("T3", exam.file, said, element=after.row.equality, **figures)
         return
     whence = "" if before.start == recipe.authored.start else ", from a disturbed start"
+    if exam.pose is not None and not exam.pose.consistent and not whence:
+        whence = ", both from the closed start and not from the open one that is given (S1)"
     parts = [f"no row off by more than {held(after)} in place of {held(before)}{whence}"]
     if recipe.authored.end.how == "finished":
         parts.append(f"energy error {chosen.energy_error:.2g} J in place of {recipe.authored.energy_error:.2g} J")

@@ -4,21 +4,21 @@ What a code means and how it is measured stands in ``findings.toml``; the bounds
 a run shows, in ``blame``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import mujoco
 import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import percent
+from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
-from oarlock.diagnosis.loops.rank import CUT, NEAR
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.stability import EqualityStability
-from oarlock.diagnosis.verdict import blame
+from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.names import element_name
@@ -44,21 +44,52 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         fail_above: bound on every equality's drift, m or rad; exceeding it is the error D7.
     """
     parts = (
+        _lint,
+        motions.dead_point,
+        motions.branch,
         _start,
+        motions.lasting,
         _settings,
         _run,
+        motions.pace,
         blame.drift,
+        motions.starved,
         blame.energy,
         blame.remedy,
         _motion,
         _reactions,
         _loops,
-        blame.version,
     )
-    findings = [finding for part in parts for finding in merged(part(examination))]
+    findings = [finding for part in parts for finding in merged(_unsaid(examination, part(examination)))]
     if fail_above is not None:
         findings += blame.above(examination, fail_above)
     return worst_first(findings)
+
+
+# What is seen without a run.
+
+_SAID = {"L9": "S3", "L10": "S3", "L12": "L3"}
+"""Code of a remark → that of a finding which says the same of its equality, only less of it."""
+
+
+def _lint(exam: Examination) -> Iterator[Finding]:
+    for remark in (one for remarks in exam.remarks.values() for one in remarks):
+        figures = remark.figures
+        yield found(remark.code, exam.file, remark.line, element=remark.element, severity=remark.severity, **figures)
+
+
+def _unsaid(exam: Examination, findings: Iterable[Finding]) -> Iterator[Finding]:
+    """Findings but those of which a lint said the cause."""
+    said = {
+        (_SAID[one.code], name)
+        for remarks in exam.remarks.values()
+        for one in remarks
+        if one.code in _SAID
+        for name in (one.element, *one.figures.get("also", ()))
+    }
+    for one in findings:
+        if (one.code, one.element) not in said:
+            yield one
 
 
 # The loops.
@@ -97,7 +128,6 @@ def _loops(exam: Examination) -> Iterator[Finding]:
             yield found(
                 "L4", file, f"the same is said by {said}{more}", element=pairs[0].equalities[0], pairs=len(pairs)
             )
-        yield from _doubtful(exam, group)
         if every:
             continue
         own = [loop.name for loop in loops.loops if loop.group == number and loop.removable]
@@ -114,20 +144,6 @@ def _zero(rows: tuple[str, ...], count: int, planar: bool) -> str:
     plane = ", across the plane of its loop" if planar and len(rows) == 1 else ""
     holds = f"its row {rows[0]} holds" if len(rows) == 1 else f"its rows {', '.join(rows)} hold"
     return f"{holds} nothing{plane}"
-
-
-def _doubtful(exam: Examination, group: Group) -> Iterator[Finding]:
-    """A rank that hangs on the cut, with the axes that are off by about as much."""
-    spectrum = group.spectrum
-    if not spectrum.doubtful or exam.pose is None:
-        return
-    what, value = ("zero", spectrum.dropped) if spectrum.dropped > CUT / NEAR else ("one that counts", spectrum.kept)
-    said = f"rank {group.rank} takes a singular value of {value:.2g} of the largest for {what}"
-    tilts = [f"the axis of '{one.joint}' is tilted by {one.radians:.3g} rad" for one in exam.pose.tilts]
-    names = group.equalities
-    yield found(
-        "L8", exam.file, "; ".join([said, *tilts]), element=names[0], also=list(names[1:]), singular_value=value
-    )
 
 
 def _dependent(exam: Examination, group: Group, removable: set[str]) -> Iterator[Finding]:
@@ -163,9 +179,9 @@ def _start(exam: Examination) -> Iterator[Finding]:
         return
     for one in pose.mobility:
         if one.locked:
-            frees = [f"it would move without {' or '.join(repr(name) for name in one.frees)}"] if one.frees else []
+            frees = [f"it would move without {' or '.join(quoted(name) for name in one.frees)}"] if one.frees else []
             said = "; ".join(["closed, and nothing of its loop can move", *tilts, *frees])
-            severity: Severity | None = "note" if blame.meant(exam, one) else None
+            severity = blame.lock(exam, one)
             yield found("S3", file, said, element=one.equalities[0], severity=severity, dof=one.dof, kept=one.kept)
     if not pose.consistent:
         yield _inconsistent(exam, pose)
@@ -183,7 +199,7 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         if pose.outside:
             said.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
     if fastest.largest > CONSISTENT:
-        whose = "" if fastest.equality == element else f"'{fastest.equality}' "
+        whose = "" if fastest.equality == element else f"{quoted(fastest.equality)} "
         said.append(f"{whose}comes apart at {fastest.told('/s')} at the start")
     size = max(worst.largest, fastest.largest)
     if size <= ROUNDED:

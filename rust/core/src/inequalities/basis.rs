@@ -11,7 +11,7 @@
 //! T and η* come from one orthogonal factorisation of (√D Rᵀ; E) with heavy rows first, which does not form products whose sums
 //! would lose the light ones (Powell and Reid 1969).
 
-use crate::linalg::kernels::{dot_in_lanes, norm};
+use crate::linalg::kernels::{dot_in_lanes, norm, widest};
 use crate::linalg::reflections::{
     orthogonalise, reflect, reflector, solve_upper, solve_upper_tr, triangularise,
 };
@@ -113,34 +113,12 @@ impl Basis {
     /// W Π = Q R with the longest of the columns that are left next, until they are rounding.
     fn triangularise(&mut self, height: usize, trace: f64) {
         self.diagonal.clear();
-        let count = self.order.len();
-        for step in 0..height.min(count) {
-            let left = |col: usize| {
-                let column = &self.factor[col * height + step..(col + 1) * height];
-                dot_in_lanes(column, column)
-            };
-            let (mut longest, mut most) = (step, 0.0);
-            for col in step..count {
-                let square = left(col);
-                if square > most {
-                    (longest, most) = (col, square);
-                }
-            }
-            if most <= (ROUNDING * ROUNDING * trace).max(f64::MIN_POSITIVE) {
-                break;
-            }
-            if longest != step {
-                let (low, high) = self.factor.split_at_mut(longest * height);
-                low[step * height..(step + 1) * height].swap_with_slice(&mut high[..height]);
-                self.order.swap(step, longest);
-            }
-            let (own, rest) = self.factor[step * height..].split_at_mut(height);
-            let v = &mut own[step..];
-            self.diagonal.push(reflector(v));
-            for other in rest.chunks_exact_mut(height) {
-                reflect(v, &mut other[step..]);
-            }
-        }
+        let (factor, order, diagonal) = (&mut self.factor, &mut self.order, &mut self.diagonal);
+        let least = (ROUNDING * ROUNDING * trace).max(f64::MIN_POSITIVE);
+        widest(
+            #[inline(always)]
+            || pivoted(height, least, factor, order, diagonal),
+        );
     }
 
     /// An entry of R, in the units of the rows.
@@ -284,9 +262,15 @@ impl Basis {
     /// Brings a vector of the block's velocities into the frame, Qᵀ w; its first coordinates are η's.
     fn turn_into(&mut self, w: &mut [f64]) {
         let (height, found) = (w.len(), self.diagonal.len());
-        for col in 0..found {
-            reflect(&self.factor[col * height + col..(col + 1) * height], &mut w[col..]);
-        }
+        let factor = &self.factor;
+        widest(
+            #[inline(always)]
+            || {
+                for col in 0..found {
+                    reflect(&factor[col * height + col..(col + 1) * height], &mut w[col..]);
+                }
+            },
+        );
         if !self.turns.is_empty() {
             self.work.clear();
             self.work.extend_from_slice(&w[..found]);
@@ -327,5 +311,36 @@ impl Basis {
     /// ‖y*‖.
     pub(super) fn size(&self) -> f64 {
         norm(&self.fixed)
+    }
+}
+
+/// Reflects columns of `height` entries, the longest of those that are left next, until the square of its length is below `least`.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn pivoted(height: usize, least: f64, factor: &mut [f64], order: &mut [usize], diagonal: &mut Vec<f64>) {
+    let count = order.len();
+    for step in 0..height.min(count) {
+        let (mut longest, mut most) = (step, 0.0);
+        for col in step..count {
+            let column = &factor[col * height + step..(col + 1) * height];
+            let square = dot_in_lanes(column, column);
+            if square > most {
+                (longest, most) = (col, square);
+            }
+        }
+        if most <= least {
+            break;
+        }
+        if longest != step {
+            let (low, high) = factor.split_at_mut(longest * height);
+            low[step * height..(step + 1) * height].swap_with_slice(&mut high[..height]);
+            order.swap(step, longest);
+        }
+        let (own, rest) = factor[step * height..].split_at_mut(height);
+        let v = &mut own[step..];
+        diagonal.push(reflector(v));
+        for other in rest.chunks_exact_mut(height) {
+            reflect(v, &mut other[step..]);
+        }
     }
 }

@@ -89,20 +89,17 @@ impl Notary {
         let cost = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
         check_finite("forces of the rows", &self.f)?;
 
-        let (mut off, mut noise, mut size) = (0.0_f64, 0.0_f64, frame.fixed);
-        for (length, force) in frame.lengths.iter().zip(forces) {
-            size = size.hypot(length * force);
-        }
+        let size =
+            length(frame.lengths.iter().zip(forces).map(|(length, force)| length * force)).hypot(frame.fixed);
         self.noise.clear();
-        for row in 0..m {
-            let length = frame.lengths[row];
-            self.noise.push(ROUNDING * (frame.terms[row] + rates[row].abs() + length * size));
-            off = off.hypot(length * (forces[row] - self.f[row]));
-            // Where x is on the other side of a kink than the forces, rounding may have put it there.
-            if self.pieces[row].is_curved() || forces[row] - self.f[row] != 0.0 {
-                noise = noise.hypot(length * step.stiffness[row] * self.noise[row]);
-            }
-        }
+        let terms = frame.terms.iter().zip(rates).zip(&frame.lengths);
+        self.noise
+            .extend(terms.map(|((terms, rate), length)| ROUNDING * (terms + rate.abs() + length * size)));
+        let off = length((0..m).map(|row| frame.lengths[row] * (forces[row] - self.f[row])));
+        // Where x is on the other side of a kink than the forces, rounding may have put it there.
+        let noisy = |&row: &usize| self.pieces[row].is_curved() || forces[row] - self.f[row] != 0.0;
+        let shaken = |row: usize| frame.lengths[row] * step.stiffness[row] * self.noise[row];
+        let noise = length((0..m).filter(noisy).map(shaken));
         let (own, complementarity, gap, outside) = self.gaps(step, forces, cost);
         // Beside a mechanism that is hard at work, a row that hardly works is off by the rounding of the others.
         let energy = own + size * size;
@@ -157,4 +154,10 @@ impl Notary {
         }
         (energy, complementarity, gap.abs(), outside)
     }
+}
+
+/// √Σ x², also where squares overflow or underflow.
+fn length(entries: impl Iterator<Item = f64> + Clone) -> f64 {
+    let squares: f64 = entries.clone().map(|entry| entry * entry).sum();
+    if squares.is_normal() { squares.sqrt() } else { entries.fold(0.0, f64::hypot) }
 }

@@ -58,13 +58,15 @@ macro_rules! by_size {
 pub(crate) use by_size;
 
 /// x · y.
-#[inline]
+#[allow(clippy::inline_always)]
+#[inline(always)]
 pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(a, b)| a * b).sum()
 }
 
 /// x · y, summed in four lanes: a chain of sums would wait for each.
-#[inline]
+#[allow(clippy::inline_always)]
+#[inline(always)]
 pub(crate) fn dot_in_lanes(x: &[f64], y: &[f64]) -> f64 {
     let ((x, x_rest), (y, y_rest)) = (x.as_chunks::<4>(), y.as_chunks::<4>());
     let mut lanes = [0.0; 4];
@@ -77,7 +79,8 @@ pub(crate) fn dot_in_lanes(x: &[f64], y: &[f64]) -> f64 {
 }
 
 /// ‖x‖, summed in four lanes: a chain of sums would wait for each.
-#[inline]
+#[allow(clippy::inline_always)]
+#[inline(always)]
 pub(crate) fn norm(x: &[f64]) -> f64 {
     let (chunks, rest) = x.as_chunks::<4>();
     let mut lanes = [0.0; 4];
@@ -96,7 +99,8 @@ pub(crate) fn largest(x: &[f64]) -> f64 {
 }
 
 /// y += alpha x.
-#[inline]
+#[allow(clippy::inline_always)]
+#[inline(always)]
 pub(crate) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
     for (y, x) in y.iter_mut().zip(x) {
         *y += alpha * x;

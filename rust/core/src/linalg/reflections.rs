@@ -9,6 +9,8 @@ const ORTHOGONAL: f64 = 1e-15;
 const SWEEPS: usize = 40;
 
 /// Makes of `v` the vector of E − v vᵀ which takes it to (r, 0 …); gives r. A zero vector stays one.
+#[allow(clippy::inline_always)]
+#[inline(always)]
 pub(crate) fn reflector(v: &mut [f64]) -> f64 {
     let length = norm(v);
     if length == 0.0 {
@@ -25,7 +27,8 @@ pub(crate) fn reflector(v: &mut [f64]) -> f64 {
 }
 
 /// x ← (E − v vᵀ) x.
-#[inline]
+#[allow(clippy::inline_always)]
+#[inline(always)]
 pub(crate) fn reflect(v: &[f64], x: &mut [f64]) {
     axpy(-dot_in_lanes(v, x), v, x);
 }

@@ -92,8 +92,11 @@ impl ConstrainedSystem {
                 .filter(|&(velocity, _)| self.blocks.owner(velocity) == Some(block));
             own.fold(0.0_f64, |most, (_, entry)| most.max(entry.abs()))
         };
-        let start = self.unconstrained.as_slice();
-        let scale = |block: usize| size(reference, block).max(size(start, block));
+        // At rest on a floor only what pushes and what it holds up have a size.
+        let starts = [self.unconstrained.as_slice(), self.at_work.as_slice()];
+        let scale = |block: usize| {
+            starts.iter().fold(size(reference, block), |most, start| most.max(size(start, block)))
+        };
         let most = (0..self.blocks.len()).map(scale).fold(0.0, f64::max);
         let allowed = PROMISED.max(ALLOWED * info.tolerance);
         let right = (0..self.blocks.len()).all(|block| {

@@ -47,6 +47,9 @@ impl ConstrainedSystem {
         check_len("aref", aref.len(), &[self.len()])?;
         check_finite("unconstrained", unconstrained)?;
         check_finite("aref", aref)?;
+        for (most, entry) in self.at_work.iter_mut().zip(&self.unconstrained) {
+            *most = most.max(entry.abs());
+        }
         self.unconstrained.copy_from_slice(unconstrained);
         self.ask(aref);
         self.judges.adjourn();

@@ -3,7 +3,7 @@
 use crate::support::contacts::{Touching, Whole};
 use crate::support::{ROUNDING, assert_within};
 use oarlock_core::inequalities::Piece;
-use oarlock_core::{ConstrainedSystem, Error, Group, Inequalities, Status};
+use oarlock_core::{ConstrainedSystem, Error, Group, Inequalities, Info, Status};
 
 /// Relative error of a force: products of a few sums, times D over what the inertia asks for, which is 1e3 at most here.
 const FORCE: f64 = 1e-12;
@@ -240,6 +240,26 @@ fn a_system_is_asked_again_from_another_start_as_if_assembled_anew() {
     assert!(matches!(system.renew(&[0.0; 2], &[0.0; 3]), Err(Error::Shape { .. })));
     assert_eq!(system.rhs(), anew.rhs(), "the last one stays");
     assert!(matches!(ConstrainedSystem::new().renew(&[], &[]), Err(Error::Empty { .. })));
+}
+
+#[test]
+fn at_rest_an_acceleration_is_measured_by_what_pushes_and_what_it_holds_up() {
+    let confirmed = |force: f64, off: f64| {
+        let mut case = block(force);
+        (case.equalities, case.wanted, case.force[1]) = (vec![0.5, 1.0], vec![0.0], 0.0);
+        let mut system = ConstrainedSystem::new();
+        system.assemble(&case.smooth()).expect("good");
+        // A floor takes all of the force, and nothing moves.
+        system.renew(&[0.0, 0.0], &case.wanted).expect("finite");
+        let mut info = Info::trivial(0.0);
+        info.status = Status::Inaccurate;
+        system.confirm(&[off, 0.0], &[0.0, 0.0], &mut info);
+        info.status
+    };
+    // 15 m/s² without the floor, and the promise is 1e-6 of it.
+    assert_eq!(confirmed(-30.0, 1e-6), Status::Converged);
+    assert_eq!(confirmed(-30.0, 1e-3), Status::Inaccurate, "beyond the promise");
+    assert_eq!(confirmed(0.0, 1e-6), Status::Inaccurate, "nothing is at work");
 }
 
 /// A bar on two parallel rods that stand open by `gap` rad, and a limit of stiffness D on what they leave.

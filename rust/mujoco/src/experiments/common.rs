@@ -40,7 +40,7 @@ impl MujocoWalker {
         call: impl FnOnce(&mut Data) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let Self { data, drive } = self;
-        if drive.is_empty() || !data.model().is_staged() {
+        if !drive.is_staged() || !data.model().is_staged() {
             return call(data);
         }
         let model = data.model().clone();

@@ -21,6 +21,7 @@ enum Stage {
     Forward,
     Position,
     Smooth,
+    Rates,
     Constraint,
     Integrate,
     Energy,
@@ -33,6 +34,8 @@ pub struct Data {
     raw: NonNull<c_void>,
     view: DataView,
     pub(super) rows: RowsView,
+    /// Whether the position stage is that of the present positions.
+    placed: bool,
 }
 
 // SAFETY: it is nobody else's, and MuJoCo keeps nothing about it in the thread.
@@ -106,7 +109,7 @@ impl Data {
             oarlock_view_data(raw.as_ptr(), view.as_mut_ptr());
             view.assume_init()
         };
-        Ok(Self { model: Arc::clone(model), raw, view, rows: rows_of(raw) })
+        Ok(Self { model: Arc::clone(model), raw, view, rows: rows_of(raw), placed: false })
     }
 
     /// Its model.
@@ -121,6 +124,11 @@ impl Data {
         // SAFETY: both are valid and belong together; `&mut self` is exclusive.
         let done = trapped(|message| unsafe { oarlock_run(stage as c_int, model, data, message) });
         self.rows = rows_of(self.raw);
+        self.placed = match stage {
+            Stage::Forward | Stage::Position | Stage::Smooth => done.is_ok(),
+            Stage::Rates | Stage::Constraint | Stage::Energy => self.placed && done.is_ok(),
+            Stage::Integrate | Stage::Step => false,
+        };
         done
     }
 
@@ -132,12 +140,12 @@ impl Data {
         self.run(Stage::Forward)
     }
 
-    /// The position stage.
+    /// The position stage, unless it was done for these very positions.
     ///
     /// # Errors
     /// [`Error::Mujoco`].
     pub fn position_stage(&mut self) -> Result<(), Error> {
-        self.run(Stage::Position)
+        if self.placed { Ok(()) } else { self.run(Stage::Position) }
     }
 
     /// Position, velocity, actuation and acceleration stages: all but the constraint solver. Controls must be written.
@@ -145,7 +153,7 @@ impl Data {
     /// # Errors
     /// [`Error::Mujoco`].
     pub fn smooth_stages(&mut self) -> Result<(), Error> {
-        self.run(Stage::Smooth)
+        self.run(if self.placed { Stage::Rates } else { Stage::Smooth })
     }
 
     /// MuJoCo's constraint solver, after the smooth stages.
@@ -272,6 +280,17 @@ impl Data {
                 message,
             )
         })
+    }
+
+    /// Positions, nq, to be written: no stage is valid after that.
+    pub fn qpos_mut(&mut self) -> &mut [f64] {
+        self.placed = false;
+        let count = self.model.nq();
+        if count == 0 {
+            return &mut [];
+        }
+        // SAFETY: as for the other arrays.
+        unsafe { slice::from_raw_parts_mut(self.view.qpos, count) }
     }
 
     /// Time, s.
@@ -423,8 +442,6 @@ macro_rules! writable {
 }
 
 writable! {
-    /// Positions, nq.
-    qpos_mut: qpos, |d| d.model.nq();
     /// Velocities, nv.
     qvel_mut: qvel, |d| d.model.nv();
     /// Actuator activations, na.

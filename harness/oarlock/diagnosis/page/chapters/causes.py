@@ -8,6 +8,7 @@ from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import SINE_NOTE, why_not
 from oarlock.diagnosis.page.document import accelerations_table
 from oarlock.diagnosis.runs.row_law import Share
+from oarlock.diagnosis.runs.versions import OLDER, without_curvature
 from oarlock.diagnosis.verdict.causes import CAUSE
 
 ROUNDING = 1e-9
@@ -24,8 +25,8 @@ def causes(exam: Examination) -> Chapter:
         return chapter
     worst, shares = exam.attribution.worst, exam.attribution.shares
     chapter.say(
-        f"'{worst.label}' is off by {_amount(exam, worst)} at t = {worst.time_s:.6g} s, of which "
-        f"{percent(worst.shares[worst.leading])} is {CAUSE[worst.leading].phrase}."
+        f"'{worst.label}' is off by {_amount(exam, worst)} at t = {worst.time_s:.6g} s, by the row law mostly for "
+        f"{CAUSE[worst.leading].phrase}."
     )
     chapter.explain(
         "Every row is a damped oscillator that its own force drives: r̈ + B ṙ + K d r = −R f + m − ε. Its deviation r "
@@ -70,8 +71,27 @@ def causes(exam: Examination) -> Chapter:
         f"Energy that came from nowhere, at most: {figure(lost, 'J')}. An exact loop does no work; work below 0 is "
         "energy that the loop lost."
     )
+    _older(exam, chapter)
     _accelerations(exam, chapter)
     return chapter
+
+
+def _older(exam: Examination, chapter: Chapter) -> None:
+    """What versions that leave J̇v out of connects and welds would make of it, where it is much more."""
+    recording = exam.recording
+    if recording is None or recording.end.how == "diverged" or not exam.closed:
+        return
+    response = np.abs(without_curvature(recording))
+    if not response.any():
+        return
+    step, row = np.unravel_index(int(response.argmax()), response.shape)
+    peak, now = float(response[step, row]), float(np.abs(recording.position[:, row]).max())
+    if peak > max(exam.target, OLDER * now):
+        chapter.explain(
+            f"Versions of MuJoCo before 3.7, which leave J̇v out of connects and welds (MJX may still), would let "
+            f"'{recording.layout.labels[row]}' drift by about {figure(peak)} {recording.layout.named[row].measure} "
+            "more."
+        )
 
 
 def _short(exam: Examination, shares: list[Share]) -> Table:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from oarlock.base.numbers import figure
+from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import lower, measured, why_not
@@ -21,7 +22,7 @@ def drift(exam: Examination) -> Chapter:
     if positions:
         worst = max(positions, key=lambda one: np.nan_to_num(one.largest))
         chapter.say(
-            f"MuJoCo as configured; the worst: '{worst.equality}' opens by {_of(worst.metres, worst.radians)} at "
+            f"MuJoCo as configured; the worst: {quoted(worst.equality)} opens by {_of(worst.metres, worst.radians)} at "
             f"t = {worst.time_s:.6g} s."
         )
     end = exam.recording.end

@@ -5,6 +5,7 @@ import numpy as np
 from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.page.chapters.words import counted
+from oarlock.mechanics.flexes import flex_names
 from oarlock.mechanics.prepare import integrator_of
 
 
@@ -18,4 +19,7 @@ def head(exam: Examination) -> str:
         f"{counted(model.nv, 'degree')} of freedom without {without}. The run: {exam.duration_s:g} s in {exam.steps} "
         f"steps of {exam.timestep_s:g} s, integrator {integrator_of(model)}, from {exam.begins}; {exam.driven}."
     )
+    if flexes := flex_names(model):
+        names = ", ".join(f"'{name}'" for name in flexes)
+        text += f" Left as MuJoCo has it, and not examined: flex {names}."
     return plain(f"{text} Left out: {exam.ignored}." if exam.ignored else text)

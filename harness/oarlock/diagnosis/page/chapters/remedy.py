@@ -4,6 +4,7 @@ import numpy as np
 
 from oarlock.base.numbers import NOTHING, figure
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.options import TARGET
 from oarlock.diagnosis.page.blocks import Chapter
 from oarlock.diagnosis.page.chapters.words import SINE_NOTE, counted, spelt, why_not
 from oarlock.diagnosis.runs.recipe import Recipe
@@ -17,7 +18,7 @@ def remedy(exam: Examination) -> Chapter:
         chapter.say(why_not(exam, "remedy"))
         _settings(exam, chapter)
         return chapter
-    chapter.say(_outcome(recipe))
+    chapter.say(_outcome(exam, recipe))
     if recipe.verified:
         finite = [trial for trial in recipe.verified if np.isfinite(trial.drift)]
         worst = max(finite, key=lambda trial: trial.drift, default=None)
@@ -53,9 +54,11 @@ def remedy(exam: Examination) -> Chapter:
     return chapter
 
 
-def _outcome(recipe: Recipe) -> str:
+def _outcome(exam: Examination, recipe: Recipe) -> str:
     """What became of the search, in a sentence or two."""
     wanted = f"the wanted {figure(recipe.target)} m or rad"
+    if exam.options.target is None:
+        wanted += f" ({TARGET:g} of the loops' {figure(exam.size, 'm')})"
     drifted = "diverges" if not np.isfinite(recipe.chosen.drift) else f"opens by {_drifted(recipe.chosen)}"
     return {
         "holds": f"It holds {wanted} as it stands: it {drifted}; {recipe.reason}.",

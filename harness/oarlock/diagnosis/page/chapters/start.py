@@ -1,6 +1,7 @@
 """The start: whether it is consistent, and the nearest one that is."""
 
 from oarlock.base.numbers import figure
+from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.chart import lengths
 from oarlock.diagnosis.loops.gaps import Opening
@@ -52,7 +53,7 @@ def start(exam: Examination) -> Chapter:
     for tilt in pose.tilts:
         chapter.say(
             f"The axis of '{tilt.joint}' is {figure(tilt.radians, 'rad')} off the others' in the loop of "
-            f"'{tilt.equality}'."
+            f"{quoted(tilt.equality)}."
         )
     openings = list(zip(pose.openings, pose.speeds, pose.left, strict=True))
     columns = ("equality", "open (m)", "open (rad)", "opens at (m/s)", "opens at (rad/s)")

@@ -1,0 +1,74 @@
+"""What may be asked of a motion: where it starts, and what drives it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, get_args
+
+from oarlock.base.arguments import require_number
+from oarlock.base.core import TimeLaw
+from oarlock.base.errors import InputError
+
+Kind = Literal["keyframe", "constant", "random"]
+"""Where controls come from, besides a log."""
+
+KINDS: list[Kind] = list(get_args(Kind))
+
+LOGS = (".csv", ".npz")
+"""Endings of the files that a log of controls may be in."""
+
+NO_KEYFRAME = "none"
+"""Asks for the model's own pose, at rest, where there are keyframes."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What is asked; what is left out is chosen by the one rule of ``stepping.beginning``.
+
+    Attributes:
+        keyframe: name or number of the keyframe to start from; ``none``: the model's own pose, at rest.
+        controls: ``keyframe``, ``constant``, ``random``, or the path of a log, ``FILE.csv`` or ``FILE.npz``.
+        control: actuator → its control, a number or a law of the time t in s, in place of what ``controls`` says.
+        seed: of random controls.
+
+    Raises:
+        InputError: no such kind of controls, a law that does not parse, or a seed that is no whole number ≥ 0.
+    """
+
+    keyframe: str | None = None
+    controls: str | None = None
+    control: Mapping[str, float | str] = field(default_factory=dict)
+    seed: int = 0
+
+    def __post_init__(self):
+        if self.controls is not None and self.controls not in KINDS and self.log is None:
+            raise InputError(
+                f"unknown kind of controls '{self.controls}', expected one of: {', '.join(KINDS)}, or a log "
+                "FILE.csv or FILE.npz"
+            )
+        require_number("seed", self.seed)
+        if not isinstance(self.seed, int):
+            raise InputError(f"seed = {self.seed!r}, expected a whole number ≥ 0")
+        for law in self.control.values():
+            if isinstance(law, str):
+                TimeLaw(law)
+
+    @property
+    def log(self) -> Path | None:
+        """The log of controls, if they come from one."""
+        path = Path(self.controls or "")
+        return path if path.suffix.lower() in LOGS else None
+
+    @property
+    def drives(self) -> bool:
+        """Whether it asks for controls."""
+        return bool(self.controls or self.control)
+
+    @property
+    def given(self) -> bool:
+        """Whether anything is asked for."""
+        return self.drives or self.keyframe is not None
+
+
+RULE = Motion()
+"""Nothing is asked for: the rule decides."""

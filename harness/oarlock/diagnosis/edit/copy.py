@@ -1,0 +1,95 @@
+"""A changed copy of a model: the author's text with the changes, and proof that nothing else is another one."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import mujoco
+
+from oarlock.base.errors import InputError, one_line
+from oarlock.base.files import replacing, write_bytes
+from oarlock.diagnosis.edit.changes import Change
+from oarlock.diagnosis.edit.document import Document
+from oarlock.diagnosis.edit.editor import Editor
+from oarlock.diagnosis.edit.place import folder_of, require_place
+from oarlock.diagnosis.edit.relocation import Relocation
+from oarlock.mechanics.load import load_model
+from oarlock.mechanics.mjcf import differences
+
+
+def write_changed(source: Path, out: Path, changes: Sequence[Change]) -> list[Path]:
+    """Writes a copy of a model with changes.
+
+    Args:
+        source: MJCF file.
+        out: the copy; what is there is replaced.
+        changes: of the model; none: the copy is the source, byte for byte, where both lie in one folder.
+
+    Returns:
+        What was written: copies of changed files that the source includes or attaches, beside ``out``, then ``out``.
+
+    Raises:
+        InputError: the source is no MJCF file or cannot be loaded, ``out`` is the source or cannot be written, or the
+            copy would be another model.
+    """
+    require_place(source, out)
+    folder = folder_of(out)
+    wanted = load_model(source)
+    document = Document(source)
+    editors = {one: Editor(one) for one in _documents(document)}
+    for change in changes:
+        change.edit(editors, document, wanted)
+    for change in changes:
+        change.apply(wanted)
+    taken: dict[str, object] = {out.name: document.main}
+    if folder is not None:
+        files = [file for one in editors for file in one.files]
+        taken |= {file.path.name: file for file in files if file.here.resolve() == folder.resolve()}
+    texts = Relocation(editors[document], folder, out.name, out.stem, editors, taken).texts()
+    main = texts.pop(out.name)
+    beside = {(folder or Path()) / name: text for name, text in texts.items()}
+    before = {path: path.read_bytes() if path.is_file() else None for path in beside}
+    try:
+        for path, text in beside.items():
+            write_bytes(path, text)
+        with replacing(out, named=True) as temporary:
+            temporary.write_bytes(main)
+            _require_same(source, temporary, wanted, changes)
+    except BaseException:
+        for path, text in before.items():
+            with suppress(OSError):
+                path.unlink() if text is None else path.write_bytes(text)
+        raise
+    return [*beside, out]
+
+
+def require_room(source: Path, change: Change) -> None:
+    """Checks that the text of a model has a place for a change, without writing it.
+
+    Raises:
+        InputError: it has none.
+    """
+    document = Document(source)
+    change.edit({one: Editor(one) for one in _documents(document)}, document, load_model(source))
+
+
+def _documents(document: Document) -> Iterator[Document]:
+    yield document
+    for child in document.attached.values():
+        yield from _documents(child)
+
+
+def _require_same(source: Path, copy: Path, wanted: mujoco.MjModel, changes: Sequence[Change]) -> None:
+    try:
+        compiled = load_model(copy)
+    except InputError as error:
+        raise InputError(f"{source}: its changed copy does not load: {one_line(error)}") from None
+    allowed = tuple(field for change in changes for field in change.fields)
+    different = [field for field in differences(wanted, compiled) if not field.startswith(allowed)]
+    if different:
+        raise InputError(f"{source}: its changed copy has another {different[0]}, expected the same model")
+    for change in changes:
+        try:
+            change.require(compiled)
+        except InputError as error:
+            raise InputError(f"{source}: its changed copy has {error}") from None

@@ -1,0 +1,1 @@
+"""One file with everything that helps a model, tried and verified."""

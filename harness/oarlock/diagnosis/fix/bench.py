@@ -1,0 +1,126 @@
+"""Runs of a model with some of the changes of a fix, before any of it is written."""
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import InputError, one_line
+from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.examination import Examination, begin
+from oarlock.diagnosis.runs.trials import Setting, Start, Trial, run_trial
+from oarlock.mechanics.load import collected_warnings, load_model
+
+SEEDS = (11, 12)
+"""Of the random controls that a fix is tried under besides the user's."""
+
+
+@dataclass
+class Bench:
+    """Runs a model with changes from where the file then starts.
+
+    Attributes:
+        exam: the examination whose file is to be fixed.
+        base: the file as it begins by itself: not as a case has it.
+    """
+
+    exam: Examination
+    base: Examination
+    _models: dict[tuple[Exclusion, ...], mujoco.MjModel] = field(default_factory=dict)
+    _trials: dict[tuple[object, ...], tuple[tuple[Change, ...], Trial]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, exam: Examination) -> "Bench":
+        """Loads the file anew where the examination is one of a case."""
+        return cls(exam, exam if exam.own_s is None else begin(str(exam.path), exam.options))
+
+    @property
+    def target(self) -> float:
+        """Wanted drift, m or rad."""
+        return getattr(self.exam, "target", None) or self.exam.options.target
+
+    @property
+    def own(self) -> Setting:
+        """The settings of the file, as the user has them run."""
+        return Setting.authored(self.base.model)
+
+    @cached_property
+    def authored(self) -> Setting:
+        """The settings of the file as they are written."""
+        return Setting.authored(load_model(self.base.path))
+
+    def model(self, changes: Sequence[Change]) -> mujoco.MjModel:
+        """The model with all changes but settings and keyframes."""
+        pairs = tuple(change for change in changes if isinstance(change, Exclusion))
+        if pairs not in self._models:
+            self._models[pairs] = self._excluding(pairs) if pairs else self.base.model
+        others = [change for change in changes if isinstance(change, Coefficients)]
+        if not others:
+            return self._models[pairs]
+        model = copy.deepcopy(self._models[pairs])
+        for change in others:
+            change.apply(model)
+        return model
+
+    def _excluding(self, pairs: Sequence[Exclusion]) -> mujoco.MjModel:
+        path, like = self.base.path, self.base.model
+        try:
+            with collected_warnings():
+                spec = mujoco.MjSpec.from_file(str(path))
+                for pair in pairs:
+                    spec.add_exclude(bodyname1=_named(spec, pair.body1), bodyname2=_named(spec, pair.body2))
+                model = spec.compile()
+        except (ValueError, RuntimeError, mujoco.FatalError) as error:
+            raise InputError(f"{path}: MuJoCo refuses to exclude contacts: {one_line(error)}") from None
+        for name in dir(like.opt):  # those that were asked for, and what was switched off
+            value = getattr(like.opt, name)
+            if isinstance(value, np.ndarray):
+                getattr(model.opt, name)[:] = value
+            elif not name.startswith("_") and not callable(value):
+                setattr(model.opt, name, value)
+        model.body_pos[:], model.body_quat[:] = like.body_pos, like.body_quat  # of a keyframe's mocap bodies
+        return model
+
+    def start(self, changes: Sequence[Change]) -> Start:
+        """Where the file starts with these changes."""
+        act = getattr(self.exam, "act", None)
+        for change in changes:
+            if isinstance(change, Keyframe):
+                return Start(change.qpos, change.qvel, act, "closed")
+        return Start(self.base.qpos, self.base.qvel, act, "own")
+
+    def setting(self, changes: Sequence[Change]) -> Setting:
+        """The settings with these changes."""
+        return next((change.setting for change in changes if isinstance(change, Settings)), self.own)
+
+    def run(self, changes: Sequence[Change], seed: int | None = None) -> Trial:
+        """A run under the user's controls, or under random ones of a seed; each is made once."""
+        key = (seed, *map(id, changes))
+        if key not in self._trials:
+            laws = self.exam.laws if seed is None else self.random_laws(seed)
+            label = "the user's controls" if seed is None else f"random controls, seed {seed}"
+            trial = run_trial(
+                self.model(changes), self.setting(changes), self.start(changes), laws, self.exam.duration_s, label
+            )
+            self._trials[key] = tuple(changes), trial  # kept, so that no other one gets their ids
+        return self._trials[key][1]
+
+    def random_laws(self, seed: int) -> dict[str, str]:
+        """Random controls of all actuators."""
+        asked = replace(self.exam.options, controls="random", control={}, seed=seed, keyframe=None)
+        return begin(str(self.base.path), asked).laws
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Of other controls; none where there are no actuators."""
+        return SEEDS if self.base.model.nu else ()
+
+
+def _named(spec: mujoco.MjSpec, body: int) -> str:
+    one = spec.bodies[body]
+    if not one.name:
+        one.name = f"oarlock body {body}"
+    return one.name

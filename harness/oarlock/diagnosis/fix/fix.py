@@ -1,0 +1,251 @@
+"""One file with everything that helps a model, and what it does: tried before it is written, and checked afterwards.
+
+The closed pose goes into the keyframe that the start came from, so that the numbers of keyframes stay; a model without
+any gets its first one, where ``check`` then starts by itself. Where nothing helps, the file is a copy of the model, so
+that whatever reads it next finds it.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from oarlock.base.errors import few
+from oarlock.base.numbers import finite
+from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.copy import write_changed
+from oarlock.diagnosis.edit.place import require_place
+from oarlock.diagnosis.examination import Examination, begin, examine
+from oarlock.diagnosis.fix.bench import Bench
+from oarlock.diagnosis.fix.search import Choice, choose_changes, described, drifts, quoted
+from oarlock.diagnosis.runs.trials import Setting, Start, Trial, run_trial
+from oarlock.diagnosis.verdict.findings import Finding
+from oarlock.diagnosis.verdict.verdicts import judge
+
+CLAIMS = {
+    Keyframe: ("S1",),
+    Exclusion: ("C4",),
+    Coefficients: ("S4",),
+    Settings: ("D1", "D2", "D3", "D4", "D5", "D6", "T2"),
+}
+"""Kind of change → codes of findings that it is to mend."""
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A change of a fix.
+
+    Attributes:
+        what: in words.
+        without, with_it: runs from the file's own start: of settings with all others, of others before the settings.
+    """
+
+    what: str
+    without: Trial
+    with_it: Trial
+
+    def __str__(self) -> str:
+        return f"{self.what}: {drifts(self.without)} → {drifts(self.with_it)} under {self.with_it.label}"
+
+
+@dataclass(frozen=True)
+class Fix:
+    """What a fixed file is, and what it does.
+
+    Attributes:
+        file: it.
+        written: all files that were written: copies of changed included or attached files, and it.
+        changes: what changed; empty: it is a copy of the model as it was.
+        left_out: what was tried and did not help, in words.
+        target: wanted drift, m or rad.
+        before: the model as it was, under the user's controls from its own start.
+        after: the fixed file, the same way.
+        elsewhere_before, elsewhere: the same two under random controls.
+        begins: where the fixed file's own check starts, in words.
+        mended: codes of errors and warnings that were there before, and are not any more.
+        left: errors and warnings of the fixed file's own check, as ``oarlock check`` gives them.
+        reason: what stands in the way, in a sentence; empty where the target is reached and all claims are kept.
+        elsewhere_reason: the same of random controls.
+    """
+
+    file: Path
+    written: tuple[Path, ...]
+    changes: tuple[Changed, ...]
+    left_out: tuple[str, ...]
+    target: float
+    before: Trial
+    after: Trial
+    elsewhere_before: tuple[Trial, ...]
+    elsewhere: tuple[Trial, ...]
+    begins: str
+    mended: tuple[str, ...]
+    left: tuple[Finding, ...]
+    reason: str
+    elsewhere_reason: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the file holds the target under the user's controls, and no warning is left that it was to mend."""
+        return not self.reason
+
+    def lines(self) -> Iterator[str]:
+        """The fix in words, line by line."""
+        if not self.changes:
+            yield (
+                f"nothing to fix: {self.file} is the model as it was"
+                if self.reached
+                else (f"nothing that was tried helps: {self.file} is the model as it was")
+            )
+        for one in self.changes:
+            yield f"changed  {one}"
+        for said in self.left_out:
+            yield f"left out  {said}"
+        told = f"{drifts(self.before)} before, {drifts(self.after)} after, under {self.after.label}"
+        yield f"drift  {told}; target {self.target:g}"
+        yield f"start  {self.begins}"
+        for was, trial in zip(self.elsewhere_before, self.elsewhere, strict=True):
+            yield f"drift  {drifts(was)} before, {drifts(trial)} after, under {trial.label}"
+        if self.mended:
+            yield f"mended  {few(list(self.mended))}"
+        for finding in self.left:
+            yield f"left  {finding.severity} {finding.code} {finding.name}  {finding.element}: {finding.line}"
+        for said in filter(None, (self.reason, self.elsewhere_reason)):
+            yield f"not reached  {said}"
+        for path in self.written[:-1]:
+            yield f"wrote  {path}"
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "file": str(self.file),
+            "written": [str(path) for path in self.written],
+            "changes": [
+                {
+                    "what": one.what,
+                    "drift_without": finite(one.without.drift),
+                    "drift_with": finite(one.with_it.drift),
+                    "unit": one.with_it.unit,
+                    "controls": one.with_it.label,
+                }
+                for one in self.changes
+            ],
+            "left_out": list(self.left_out),
+            "target": self.target,
+            "drift_before": finite(self.before.drift),
+            "drift": finite(self.after.drift),
+            "unit": self.after.unit,
+            "elsewhere": [
+                {
+                    "controls": trial.label,
+                    "drift_before": finite(was.drift),
+                    "drift": finite(trial.drift),
+                    "unit": trial.unit,
+                }
+                for was, trial in zip(self.elsewhere_before, self.elsewhere, strict=True)
+            ],
+            "begins": self.begins,
+            "mended": list(self.mended),
+            "left": [finding.document() for finding in self.left],
+            "reached": self.reached,
+            "reason": self.reason,
+            "elsewhere_reason": self.elsewhere_reason,
+        }
+
+
+def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
+    """Writes one file with everything that helps a model, and checks it.
+
+    Args:
+        exam: the examination of the model, complete.
+        findings: of the examination.
+        out: the file; what is there is replaced.
+
+    Raises:
+        InputError: the model is no MJCF file, or ``out`` is the model itself or cannot be written.
+    """
+    require_place(exam.path, out)
+    bench = Bench.of(exam)
+    choice = choose_changes(bench)
+    written = write_changed(bench.base.path, out, choice.changes)
+    again = _begun(bench, choice.changes, out)
+    start = Start(again.qpos, again.qvel, getattr(again, "act", None), "file")
+    setting, duration = Setting.authored(again.model), exam.duration_s
+    after = run_trial(again.model, setting, start, exam.laws, duration, "the user's controls")
+    elsewhere = tuple(
+        run_trial(again.model, setting, start, bench.random_laws(seed), duration, f"random controls, seed {seed}")
+        for seed in bench.seeds
+    )
+    for _ in examine(again):
+        pass
+    left = tuple(one for one in judge(again) if one.severity != "note")
+    claimed = {code for change in choice.changes for code in CLAIMS.get(type(change), ())}
+    were = {one.code for one in findings if one.severity != "note"}
+    return Fix(
+        file=out,
+        written=tuple(written),
+        changes=tuple(_changed(bench, change, choice) for change in choice.changes),
+        left_out=tuple(choice.left_out),
+        target=bench.target,
+        before=choice.before,
+        after=after,
+        elsewhere_before=tuple(bench.run([], seed) for seed in bench.seeds),
+        elsewhere=elsewhere,
+        begins=again.begins,
+        mended=tuple(sorted(were - {one.code for one in left})),
+        left=left,
+        reason=_reason(bench, choice, after, [one for one in left if one.code in claimed]),
+        elsewhere_reason=_elsewhere(bench.target, elsewhere),
+    )
+
+
+def _begun(bench: Bench, changes: Sequence[Change], out: Path) -> Examination:
+    """The fixed file's own check, begun as its user will: the settings that were asked for are in the file by now."""
+    exam = bench.exam
+    keyframe = exam.options.keyframe
+    new = next((one.name for one in changes if isinstance(one, Keyframe) and one.key is None), None)
+    if new is not None and (keyframe is not None or bench.base.model.nkey):
+        keyframe = new
+    asked = replace(exam.options, keyframe=keyframe, timestep=None, integrator=None, budget=0.0, fail_above=None)
+    again = begin(str(out), asked)
+    if exam is not bench.base:  # a case says itself what drives it
+        again.laws, again.driven = exam.laws, exam.driven
+    return again
+
+
+def _changed(bench: Bench, change: Change, choice: Choice) -> Changed:
+    return Changed(described(bench, change, choice), *choice.effects[id(change)])
+
+
+def _reason(bench: Bench, choice: Choice, after: Trial, unmended: Sequence[Finding]) -> str:
+    """Why the file does not hold the target, in a sentence; empty where it does."""
+    exam = bench.exam
+    if after.drift > bench.target:
+        why = ""
+        if not exam.closed:
+            why = "no pose near the start closes the loops"
+        elif exam.options.budget <= 0:
+            why = "no settings were looked for"
+        elif choice.recipe is not None and not choice.recipe.reached:
+            why = choice.recipe.reason
+        elif exam.missing.get("remedy"):
+            why = exam.missing["remedy"]
+        return opens(after) + (f": {why}" if why else "")
+    if unmended:
+        return f"its own check still says {few([f'{one.code} {one.name}' for one in unmended])}"
+    return ""
+
+
+def _elsewhere(target: float, trials: Sequence[Trial]) -> str:
+    beyond = [one for one in trials if one.drift > target]
+    if not beyond:
+        return ""
+    worst = max(beyond, key=lambda one: one.drift)
+    return f"under {worst.label} {opens(worst)}"
+
+
+def opens(trial: Trial) -> str:
+    """What opens, and how far, in words."""
+    if not math.isfinite(trial.drift):
+        return f"the run diverges: {trial.end.message}"
+    return f"{quoted(str(trial.row))} opens by {drifts(trial)}"

@@ -1,0 +1,216 @@
+"""Which changes help: each is taken in, then taken out again to see what the others are without it."""
+
+import math
+from dataclasses import dataclass, field, replace
+
+import mujoco
+
+from oarlock.base.errors import InputError
+from oarlock.base.numbers import short
+from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.copy import require_room
+from oarlock.diagnosis.edit.keyframe import new_name
+from oarlock.diagnosis.fix.bench import Bench
+from oarlock.diagnosis.fix.candidates import Collision, closed_keyframe, coefficients, exclusions
+from oarlock.diagnosis.runs.recipe import Recipe, recipe
+from oarlock.diagnosis.runs.trials import Setting, Trial
+from oarlock.mechanics.names import element_name, equalities
+
+HELPS = 0.02
+"""Of a drift: what lessens it by less is left out, and what adds so much too."""
+
+DEARER = 4.0
+"""Times the evaluations of the settings that hold under the user's controls: others may not cost more."""
+
+
+@dataclass
+class Choice:
+    """The changes that a fix consists of.
+
+    Attributes:
+        changes: in the order in which they are told.
+        effects: of each, a run without it and one with it: of settings with all others, of others before the settings.
+        collisions: of exclusions.
+        before: the file as it is; after: with all changes; both under the user's controls from the file's own start.
+        elsewhere: with all changes under random controls.
+        left_out: what was tried and did not help, in words.
+        recipe: whose settings they are; None where none were looked for.
+    """
+
+    before: Trial
+    after: Trial
+    changes: list[Change] = field(default_factory=list)
+    effects: dict[int, tuple[Trial, Trial]] = field(default_factory=dict)
+    collisions: dict[int, Collision] = field(default_factory=dict)
+    elsewhere: list[Trial] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    recipe: Recipe | None = None
+
+
+def choose_changes(bench: Bench) -> Choice:
+    """Tries what might help.
+
+    Raises:
+        InputError: as of the runs.
+    """
+    exam, target = bench.exam, bench.target
+    before = bench.run([])
+    found = Choice(before, before)
+    pose = closed_keyframe(bench)
+    wanted: list[Change] = [pose] if pose is not None else []
+    for exclusion, collision in exclusions(exam):
+        wanted.append(exclusion)
+        found.collisions[id(exclusion)] = collision
+    changes = [change for one in [*wanted, *coefficients(exam)] if (change := _with_room(bench, one, found))]
+    _settle(bench, found, changes)
+    for change in list(changes):  # at the author's settings: stiff ones hide what a collision does
+        rest = [one for one in changes if one is not change]
+        with_it, without = bench.run(changes), bench.run(rest)
+        if isinstance(change, Keyframe):
+            idle = without.opening <= target and not _better(with_it, without)
+        else:
+            idle = _worse(with_it, without)
+        if idle:
+            changes = rest
+            found.left_out.append(f"{described(bench, change, found)}: {drifts(with_it)}, without it {drifts(without)}")
+    if changes != found.changes:
+        _settle(bench, found, changes)
+    for change in changes:
+        found.effects[id(change)] = _effect(bench, [one for one in changes if one is not change], changes)
+    settings = _settings(bench, found, changes, target)
+    if settings is None and bench.own != bench.authored:  # the user asked for them
+        settings = Settings(bench.own)
+    if settings is not None:
+        found.effects[id(settings)] = _effect(bench, changes, [*changes, settings])
+        _settle(bench, found, [*changes, settings])
+    return found
+
+
+def _effect(bench: Bench, rest: list[Change], changes: list[Change]) -> tuple[Trial, Trial]:
+    """Runs without and with a change: under the user's controls, or under those for whose sake it was made."""
+    for seed in (None, *bench.seeds):
+        if _better(bench.run(changes, seed), bench.run(rest, seed)):
+            return bench.run(rest, seed), bench.run(changes, seed)
+    return bench.run(rest), bench.run(changes)
+
+
+def _with_room(bench: Bench, change: Change, found: Choice) -> Change | None:
+    """The change, or one in its place, that the text has room for."""
+    try:
+        require_room(bench.base.path, change)
+    except InputError as error:
+        if isinstance(change, Keyframe) and change.key is not None:  # of an attached model
+            return replace(change, key=None, name=new_name(bench.base.model), like=change.key)
+        found.left_out.append(f"{described(bench, change, found)}: {error}")
+        return None
+    return change
+
+
+def _settle(bench: Bench, found: Choice, changes: list[Change]) -> None:
+    found.changes, found.after = changes, bench.run(changes)
+    found.elsewhere = [bench.run(changes, seed) for seed in bench.seeds]
+
+
+def _worse(with_it: Trial, without: Trial) -> bool:
+    return with_it.drift > (1.0 + HELPS) * without.drift
+
+
+def _better(with_it: Trial, without: Trial) -> bool:
+    return with_it.drift < (1.0 - HELPS) * without.drift or not math.isfinite(with_it.drift)
+
+
+def _settings(bench: Bench, found: Choice, changes: list[Change], target: float) -> Settings | None:
+    """Settings that hold under the user's controls and, where that costs little, under others too."""
+    exam = bench.exam
+    if max(one.drift for one in (found.after, *found.elsewhere)) <= target:
+        return None
+    best: Settings | None = None
+    if found.after.drift > target:
+        found.recipe = _recipe(bench, found, changes)
+        if found.recipe is None:
+            return None
+        wanted = Settings(found.recipe.chosen.setting)
+        if not _better(bench.run([*changes, wanted]), found.after):
+            return None
+        best = wanted
+    first = bench.setting([best] if best else [])
+    for seed in bench.seeds:
+        now = [*changes, best] if best else changes
+        trial = bench.run(now, seed)
+        if trial.drift <= target or exam.options.budget <= 0:
+            continue
+        laws, duration = bench.random_laws(seed), exam.duration_s
+        start, model = bench.start(changes), bench.model(changes)
+        budget_s = exam.options.budget / len(bench.seeds)
+        other = recipe(model, start, laws, target, duration, seeds=(), budget_s=budget_s)
+        wanted = Settings(other.chosen.setting)
+        dear = _evaluations(wanted.setting, duration) > DEARER * _evaluations(first, duration)
+        if dear or _worse(bench.run([*changes, wanted]), bench.run(now)):
+            continue
+        if _better(bench.run([*changes, wanted], seed), trial):
+            best = wanted
+    return best
+
+
+def _evaluations(setting: Setting, duration_s: float) -> int:
+    return setting.steps(duration_s) * setting.evaluations
+
+
+def _recipe(bench: Bench, found: Choice, changes: list[Change]) -> Recipe | None:
+    """That of the examination where it is of the same model from the same start; otherwise a new one."""
+    exam = bench.exam
+    if exam.options.budget <= 0 or not exam.closed:
+        return None
+    if exam is bench.base and exam.recipe is not None and all(isinstance(change, Keyframe) for change in changes):
+        return exam.recipe
+    start, model = bench.start(changes), bench.model(changes)
+    return recipe(model, start, exam.laws, bench.target, exam.duration_s, budget_s=exam.options.budget)
+
+
+# In words.
+
+
+def drifts(trial: Trial) -> str:
+    """How far a run opens, in words."""
+    return f"{trial.drift:.2g} {trial.unit}" if math.isfinite(trial.drift) else "diverged"
+
+
+def described(bench: Bench, change: Change, found: Choice) -> str:
+    """A change in words."""
+    exam, base = bench.exam, bench.base
+    if isinstance(change, Keyframe):
+        moves = f", which moves {quoted(exam.pose.moved_joint)} most" if exam.pose and exam.pose.moved else ""
+        if change.key is None:
+            return f"a keyframe '{change.name}' with the nearest closed pose{moves}"
+        name = element_name(base.model, mujoco.mjtObj.mjOBJ_KEY, change.key)
+        return f"the nearest closed pose in keyframe '{name}'{moves}"
+    if isinstance(change, Exclusion):
+        names = [element_name(base.model, mujoco.mjtObj.mjOBJ_BODY, body) for body in (change.body1, change.body2)]
+        one = found.collisions[id(change)]
+        joins = f", which {quoted(one.equality)} joins and which collide" + (
+            f" by {one.depth * 1e3:.2g} mm" if one.depth else ""
+        )
+        return f"no contacts of '{names[0]}' and '{names[1]}'{joins}"
+    if isinstance(change, Coefficients):
+        return f"polycoef {' '.join(map(short, change.polycoef))} of '{equalities(base.model)[change.equality].name}'"
+    if isinstance(change, Settings):
+        return _settings_in_words(bench, change)
+    return type(change).__name__
+
+
+def _settings_in_words(bench: Bench, change: Settings) -> str:
+    own = bench.authored.option_attributes()
+    options = [
+        f"{name} {value}" + (f" in place of {own[name]}" if name in own else "")
+        for name, value in change.setting.option_attributes().items()
+        if own.get(name) != value
+    ]
+    given = [f'{name} "{value}"' for name, value in change.setting.equality_attributes().items()]
+    count = sum(1 for one in equalities(bench.base.model) if one.kind.known)
+    of = f" of {'the equality' if count == 1 else f'{count} equalities'}" if given else ""
+    return ", ".join([*options, *([" and ".join(given) + of] if given else [])])
+
+
+def quoted(name: str) -> str:
+    """A name in quotes, unless it has some in it."""
+    return name if "'" in name else f"'{name}'"

@@ -1,0 +1,55 @@
+"""S6: an equality that is closed in the model's own pose by definition, and open in a keyframe.
+
+The second anchor of a connect, and the relative pose of a weld where none is given, are what they are in the model's
+own pose. So that pose says nothing about the mechanism; a keyframe that stands open says that one of the two is wrong.
+"""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.lint.view import Remark, View, told
+from oarlock.diagnosis.loops.assembly import anchors
+from oarlock.mechanics.names import Equality, element_name
+
+OPEN = 0.01
+"""Of the size of the mechanism: a keyframe that is open by less was written with few digits, or settled under load."""
+
+EXACT = 1e-9
+"""Of the size: what was computed from the pose is closed there to rounding."""
+
+KEYFRAMES = 50
+"""So many are looked at."""
+
+
+def look(view: View) -> Iterator[Remark]:
+    """A remark an equality, at the keyframe in which it stands open most."""
+    model = view.model
+    joins = [one for one in view.equalities if one.kind.joins_points and one.sites is None]
+    joins = [one for one in joins if not any(model.body_mocapid[body] >= 0 for body in one.bodies)]
+    if not joins or not model.nkey:
+        return
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    size = view.size
+    joins = [one for one in joins if _gap(model, data, one) <= EXACT * max(size, 1.0)]
+    worst: dict[str, tuple[float, int]] = {}
+    for key in range(min(model.nkey, KEYFRAMES)):
+        mujoco.mj_resetDataKeyframe(model, data, key)
+        mujoco.mj_kinematics(model, data)
+        for one in joins:
+            worst[one.name] = max(worst.get(one.name, (0.0, -1)), (_gap(model, data, one), key))
+    for name, (gap, key) in worst.items():
+        if gap > OPEN * size:
+            keyframe = element_name(model, mujoco.mjtObj.mjOBJ_KEY, key)
+            said = (
+                f"stands open by {told(gap)} m in keyframe '{keyframe}'; it is closed in the model's own pose, "
+                "but only because MuJoCo defines its second anchor there: one of the two poses is not what was meant"
+            )
+            yield Remark("S6", said, name, figures={"keyframe": keyframe, "gap": gap})
+
+
+def _gap(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> float:
+    first, second = anchors(model, data, one)
+    return float(np.linalg.norm(first - second))

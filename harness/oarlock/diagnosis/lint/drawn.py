@@ -1,0 +1,149 @@
+"""S5: a connect whose second anchor stands in the air, beside a link that is drawn to end elsewhere.
+
+MuJoCo is told the anchor in the first body's frame, and takes the second body's where that is in the model's own pose:
+a gap that is drawn there is kept for good, as a lever that nobody sees. An anchor in the air alone is no mistake (a
+body without geoms, a disc that stands for a platform). With a link beside it that is drawn to an end at which nothing
+is held it is: the link was meant to be held there.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.lint.view import Remark, View, point, told
+from oarlock.diagnosis.loops.assembly import anchors
+from oarlock.mechanics.names import Equality
+
+AIR = 0.05
+"""Of the length of a body: its anchor is in the air where the nearest geom is further away than that, and than the body
+is thick."""
+
+LONG = 3.0
+"""Times its other two: a box or ellipsoid that is so long is a link with two ends."""
+
+_GEOM = mujoco.mjtGeom
+_ROUND = (int(_GEOM.mjGEOM_CAPSULE), int(_GEOM.mjGEOM_CYLINDER))
+_DRAWN = (*_ROUND, int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_ELLIPSOID))
+"""What has a shape of a few numbers: a body with a mesh, a plane or a height field is not judged."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A body as it is drawn, in the model's own pose, world axes.
+
+    Attributes:
+        ends: of its links (n, 3), m.
+        held: where joints and equalities hold it (k, 3), m.
+        thickness, length: m.
+    """
+
+    ends: np.ndarray
+    held: np.ndarray
+    thickness: float
+    length: float
+
+    def loose_end(self, anchor: np.ndarray) -> np.ndarray | None:
+        """The end (3) nearest to an anchor at which nothing holds the body; None where it is held nearer than that."""
+        free = [end for end in self.ends if np.linalg.norm(self.held - end, axis=1).min() > self.thickness]
+        nearest = min(free, key=lambda end: float(np.linalg.norm(end - anchor)), default=None)
+        if nearest is None or np.linalg.norm(self.held - anchor, axis=1).min() < np.linalg.norm(nearest - anchor):
+            return None  # the lever of a foot, say, beside the knee
+        return nearest
+
+
+def look(view: View) -> Iterator[Remark]:
+    """A remark a connect."""
+    connects = [one for one in view.equalities if one.kind.joins_points and not one.kind.turns and one.sites is None]
+    if not connects:
+        return
+    model, data = view.model, mujoco.MjData(view.model)
+    mujoco.mj_kinematics(model, data)
+    for one in connects:
+        places = anchors(model, data, one)
+        if np.linalg.norm(places[0] - places[1]) > AIR * view.size:
+            continue  # both were given, and the start tells how far apart they are
+        for end, body in enumerate(one.bodies):
+            geoms = view.geoms_of(body)
+            if body == 0 or not len(geoms) or not np.isin(model.geom_type[geoms], _DRAWN).all():
+                continue
+            drawing = _drawing(view, data, one, body, geoms)
+            away = min(_distance(model, data, geom, places[end]) for geom in geoms)
+            loose = drawing.loose_end(places[end])
+            if loose is None or away <= max(AIR * drawing.length, drawing.thickness):
+                continue
+            yield _remark(view, data, one, end, loose, float(np.linalg.norm(loose - places[end])))
+            break
+
+
+def _remark(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.ndarray, gap: float) -> Remark:
+    names = [view.body(body) for body in one.bodies]
+    local = [one.anchor(view.model, side) for side in (0, 1)]
+    body = one.bodies[end]
+    tip = data.xmat[body].reshape(3, 3).T @ (loose - data.xpos[body])
+    held = " and ".join(f"{point(place)} of '{name}'" for place, name in zip(local, names, strict=True))
+    said = (
+        f"'{names[0]}' and '{names[1]}' are drawn {told(gap)} m apart in the model's own pose: it joins {held}, but "
+        f"'{names[end]}' is drawn to end at {point(tip)}; MuJoCo keeps that gap as it is drawn"
+    )
+    return Remark(
+        "S5", said, one.name, figures={"gap": gap, "anchors": [place.tolist() for place in local], "end": tip.tolist()}
+    )
+
+
+def _drawing(view: View, data: mujoco.MjData, one: Equality, body: int, geoms: np.ndarray) -> Drawing:
+    model = view.model
+    weld = model.body_weldid[body]
+    children = [child for child in range(1, model.nbody) if model.body_weldid[model.body_parentid[child]] == weld]
+    own = [joint for joint in range(model.njnt) if model.body_weldid[model.jnt_bodyid[joint]] == weld]
+    theirs = [joint for joint in range(model.njnt) if model.jnt_bodyid[joint] in children]
+    others = [
+        anchors(model, data, other)[side]
+        for other in view.equalities
+        if other.kind.joins_points
+        for side, at in enumerate(other.bodies)
+        if other is not one and model.body_weldid[at] == weld
+    ]
+    held = [*data.xanchor[own], *data.xanchor[theirs], *others, *(data.xpos[child] for child in children)]
+    ends = [end for geom in geoms for end in _ends(model, data, int(geom))]
+    places = np.array(held or [data.xpos[body]]).reshape(-1, 3)
+    every = np.vstack([places, *(np.reshape(ends, (-1, 3)),), data.geom_xpos[geoms]])
+    length = float(np.linalg.norm(every.max(axis=0) - every.min(axis=0)))
+    thickness = float(max(_half_sizes(model, int(geom)).min() for geom in geoms))
+    return Drawing(np.reshape(ends, (-1, 3)), places, thickness, length)
+
+
+def _half_sizes(model: mujoco.MjModel, geom: int) -> np.ndarray:
+    return model.geom_aabb[geom, 3:6]
+
+
+def _ends(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> list[np.ndarray]:
+    """The two ends (3) of a geom that is a link; of a capsule, the middles of its caps."""
+    kind, frame = int(model.geom_type[geom]), data.geom_xmat[geom].reshape(3, 3)
+    if kind in _ROUND:
+        axis, half = 2, float(model.geom_size[geom, 1])
+        if half < (LONG - 1.0) * model.geom_size[geom, 0]:
+            return []
+    else:
+        sizes = _half_sizes(model, geom)
+        axis = int(sizes.argmax())
+        half = float(sizes[axis])
+        if half < LONG * float(np.sort(sizes)[1]):
+            return []
+    return [data.geom_xpos[geom] + sign * half * frame[:, axis] for sign in (-1.0, 1.0)]
+
+
+def _distance(model: mujoco.MjModel, data: mujoco.MjData, geom: int, place: np.ndarray) -> float:
+    """From a point (3) to a geom, m; 0 within it. An ellipsoid is taken as its box."""
+    local = data.geom_xmat[geom].reshape(3, 3).T @ (place - data.geom_xpos[geom])
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind == _GEOM.mjGEOM_SPHERE:
+        return max(0.0, float(np.linalg.norm(local)) - float(size[0]))
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        local[2] -= np.clip(local[2], -size[1], size[1])
+        return max(0.0, float(np.linalg.norm(local)) - float(size[0]))
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        beyond = np.maximum([np.hypot(local[0], local[1]) - size[0], abs(local[2]) - size[1]], 0.0)
+        return float(np.linalg.norm(beyond))
+    return float(np.linalg.norm(np.maximum(np.abs(local) - size, 0.0)))

@@ -1,0 +1,76 @@
+"""L10: a weld, or a second connect, where a pin leaves the loop its one degree of freedom."""
+
+import copy
+from collections.abc import Iterator
+
+import mujoco
+
+from oarlock.base.text import quoted
+from oarlock.diagnosis.lint.view import Remark, View
+from oarlock.diagnosis.loops.assembly import Assembly
+from oarlock.diagnosis.loops.loops import Group, loops_at
+from oarlock.diagnosis.loops.mobility import find_mobility
+from oarlock.mechanics.names import Equality
+
+JOINTS = 3
+"""A planar chain of fewer joints does not move with a pin either."""
+
+
+def look(view: View) -> Iterator[Remark]:
+    """A remark an equality that locks a planar loop and would not if it were a pin."""
+    if not any(one.kind.joins_points for one in view.equalities):
+        return
+    for number, group in enumerate(view.loops.groups):
+        if group.dof > 0 or group.shape != "planar" or group.dofs < JOINTS or not view.loops.closed:
+            continue
+        own = [view.loops.loops[member].equality for member in view.loops.members(number)]
+        for one in own:
+            if any(view.model.body_mocapid[body] >= 0 for body in one.bodies):
+                continue
+            if one.kind.turns:
+                dof = _mobility(view, group, one, drop=False)
+                if dof == 1:
+                    bodies = " and ".join(f"'{view.body(body)}'" for body in one.bodies)
+                    said = f"holds {bodies} as one body, and nothing of the loop can move; as a connect it leaves 1 "
+                    yield _remark(one, f"{said}degree of freedom")
+                    break
+            elif twin := _twin(view, own, one):
+                dof = _mobility(view, group, one, drop=True)
+                if dof == 1:
+                    said = (
+                        f"and {quoted(twin.name)} together hold their bodies as a weld does, and nothing of the loop "
+                    )
+                    yield _remark(one, f"{said}can move; either of them alone leaves 1 degree of freedom", twin.name)
+                    break
+
+
+def _remark(one: Equality, said: str, *also: str) -> Remark:
+    return Remark("L10", said, one.name, figures={"dof": 0, "dof_with_pin": 1, "also": list(also)})
+
+
+def _twin(view: View, own: list[Equality], one: Equality) -> Equality | None:
+    """Another connect of the same two bodies, if there is one."""
+    others = [other for other in own if other is not one and sorted(other.bodies) == sorted(one.bodies)]
+    return next((other for other in others if not other.kind.turns), None)
+
+
+def _mobility(view: View, group: Group, one: Equality, drop: bool) -> int:
+    """Degrees of freedom that are truly there with a weld taken for a connect, or with an equality left out."""
+    model, data = copy.copy(view.model), mujoco.MjData(view.model)
+    data.qpos[:] = view.loops.qpos
+    data.eq_active[:] = view.data.eq_active
+    data.mocap_pos[:], data.mocap_quat[:] = view.data.mocap_pos, view.data.mocap_quat
+    if drop:
+        data.eq_active[one.index] = 0
+    else:
+        model.eq_type[one.index] = mujoco.mjtEq.mjEQ_CONNECT
+        if one.sites is None:
+            model.eq_data[one.index, :6] = [*one.anchor(view.model, 0), *one.anchor(view.model, 1)]
+    assembly = Assembly(model, data)
+    if not assembly.close():
+        return 0
+    loops = loops_at(assembly, dependent=False)
+    # By their numbers: a weld without a name is called another way as a connect.
+    own = {loop.equality.index for loop in view.loops.loops if loop.name in group.equalities}
+    names = {loop.name for loop in loops.loops if loop.equality.index in own}
+    return sum(each.near for each in find_mobility(assembly, loops) if each.moves and names & {*each.equalities})

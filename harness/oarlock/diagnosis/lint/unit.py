@@ -1,0 +1,153 @@
+"""A2: numbers that look like degrees where MuJoCo takes radians, or the other way round.
+
+MuJoCo's compiler converts ranges, ``ref`` and ``springref`` of hinges where angle="degree", the default; never a
+ctrlrange, a polycoef or a keyframe. Only numbers are judged that would be strange as what MuJoCo makes of them, and
+that are plain ones as what they are then taken for.
+"""
+
+import math
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from oarlock.base.errors import few
+from oarlock.diagnosis.lint.view import JOINT, Remark, View
+from oarlock.mechanics.names import element_name
+
+TURN = 2.0 * math.pi
+
+PLAIN = 5.0
+"""Degrees: numbers that people write are multiples of it."""
+
+LEAST = 10.0
+"""rad. What looks like degrees is at least that much: joints that turn once and a half are rare."""
+
+MOST = 360.0
+"""rad. Nobody writes more degrees: so much is a winch."""
+
+EXACT = 1e-9
+"""Relative, of a number that was written as a whole one."""
+
+PART = math.pi / 12.0
+"""rad. Numbers that people write in radians are multiples of it."""
+
+ROUNDED = 2e-3
+"""Relative: 3.14, 1.57, 0.785 and 2.09 are multiples of π/12 within that, 0.52 is not."""
+
+_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+
+
+def degrees(value: float) -> bool:
+    """Whether an angle in rad is a plain number of degrees that was not converted."""
+    size = abs(value)
+    if not LEAST <= size <= MOST or abs(size / math.pi - round(size / math.pi)) < ROUNDED:
+        return False  # whole turns are written out
+    return abs(size / PLAIN - round(size / PLAIN)) <= EXACT * size
+
+
+def radians(value: float) -> bool:
+    """Whether an angle in rad was a plain number of radians that was taken for degrees."""
+    written = abs(math.degrees(value))
+    parts = round(written / PART)
+    return 1 <= parts <= 24 and abs(written - parts * PART) <= ROUNDED * written
+
+
+def look(view: View) -> Iterator[Remark]:
+    """A remark a sort of number and a wrong unit, with all elements that have it."""
+    yield from _of_joints(view)
+    yield from _of_controls(view)
+    yield from _of_couplings(view)
+    yield from _of_keyframes(view)
+
+
+def _remark(what: str, names: list[str], said: str) -> Remark:
+    others = f"; the same of {few([repr(name) for name in names[1:]])}" if names[1:] else ""
+    return Remark("A2", f"{what} {said}{others}", names[0], figures={"also": names[1:]})
+
+
+def _of_joints(view: View) -> Iterator[Remark]:
+    model = view.model
+    wide, narrow, referred = [], [], []
+    for joint in np.flatnonzero(model.jnt_type == _HINGE):
+        name = element_name(model, JOINT, int(joint))
+        low, high = model.jnt_range[joint].tolist()
+        if model.jnt_limited[joint]:
+            ends = [end for end in (low, high) if end]
+            if ends and any(map(degrees, ends)) and all(degrees(end) or abs(end) >= 1.0 for end in ends):
+                wide.append((name, low, high))
+            elif ends and all(map(radians, ends)) and high - low < math.radians(TURN + ROUNDED):
+                narrow.append((name, math.degrees(low), math.degrees(high)))
+        address = model.jnt_qposadr[joint]
+        for attribute, value in (("ref", model.qpos0[address]), ("springref", model.qpos_spring[address])):
+            if degrees(float(value)):
+                referred.append((name, attribute, float(value)))
+                break
+    if wide:
+        name, low, high = wide[0]
+        said = f"{low:g} {high:g} is in radians, {math.degrees(high - low) / 360:.3g} turns: degrees were meant?"
+        yield _remark("range", [one[0] for one in wide], said)
+    if narrow:
+        name, low, high = narrow[0]
+        said = f"{low:.4g} {high:.4g} is in degrees, {math.radians(high - low):.3g} rad in all: radians were meant?"
+        yield _remark("range", [one[0] for one in narrow], said)
+    if referred:
+        name, attribute, value = referred[0]
+        said = f"{value:g} is in radians, {abs(value) / TURN:.3g} turns: degrees were meant?"
+        yield _remark(attribute, [one[0] for one in referred], said)
+
+
+def _of_controls(view: View) -> Iterator[Remark]:
+    """What position servos on hinges may be told: where it leads to, beside what the joint can do."""
+    model, found = view.model, []
+    joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    for index in range(model.nu):
+        joint, stiffness = int(model.actuator_trnid[index, 0]), -float(model.actuator_biasprm[index, 1])
+        servo = model.actuator_biastype[index] == mujoco.mjtBias.mjBIAS_AFFINE and stiffness > 0.0
+        if not servo or model.actuator_trntype[index] not in joints or model.jnt_type[joint] != _HINGE:
+            continue
+        gear = float(model.actuator_gear[index, 0])
+        if not model.actuator_ctrllimited[index] or not gear:
+            continue
+        reached = model.actuator_ctrlrange[index] * float(model.actuator_gainprm[index, 0]) / (stiffness * gear)
+        ends = [float(end) for end in reached if abs(end) > 1e-6]
+        limit = float(np.abs(model.jnt_range[joint]).max()) if model.jnt_limited[joint] else TURN
+        if ends and all(abs(end) > max(limit, TURN) and degrees(end) for end in ends):
+            name = element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index)
+            found.append((name, *model.actuator_ctrlrange[index].tolist(), max(map(abs, ends)), joint))
+    if found:
+        name, low, high, most, joint = found[0]
+        said = (
+            f"{low:g} {high:g} leads the hinge '{element_name(model, JOINT, joint)}' {most / TURN:.3g} turns away: a "
+            "ctrlrange is in radians, degrees were meant?"
+        )
+        yield _remark("ctrlrange", [one[0] for one in found], said)
+
+
+def _of_couplings(view: View) -> Iterator[Remark]:
+    model, found = view.model, []
+    for one in view.equalities:
+        if one.kind.holds != "joints" or model.jnt_type[model.eq_obj1id[one.index]] != _HINGE:
+            continue
+        if degrees(offset := float(model.eq_data[one.index, 0])):
+            found.append((one.name, offset))
+    if found:
+        said = f"begins with {found[0][1]:g}, in radians {abs(found[0][1]) / TURN:.3g} turns: degrees were meant?"
+        yield _remark("polycoef", [name for name, _ in found], said)
+
+
+def _of_keyframes(view: View) -> Iterator[Remark]:
+    model, found = view.model, []
+    hinges = np.flatnonzero(model.jnt_type == _HINGE)
+    for key in range(model.nkey):
+        turned = [
+            (int(joint), float(model.key_qpos[key, model.jnt_qposadr[joint]]))
+            for joint in hinges
+            if degrees(float(model.key_qpos[key, model.jnt_qposadr[joint]]))
+        ]
+        if turned:
+            found.append((element_name(model, mujoco.mjtObj.mjOBJ_KEY, key), *turned[0]))
+    if found:
+        _, joint, value = found[0]
+        said = f"turns the hinge '{element_name(model, JOINT, joint)}' by {value:g} rad: degrees were meant?"
+        yield _remark("keyframe", [name for name, *_ in found], said)

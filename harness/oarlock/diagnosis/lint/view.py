@@ -1,0 +1,106 @@
+"""A model at its start as lints look at it, and what they have to say of it."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.loops.assembly import Assembly
+from oarlock.diagnosis.loops.loops import Loops, loops_at
+from oarlock.diagnosis.loops.mobility import Tilt, find_tilts
+from oarlock.diagnosis.loops.poses import ClosedPose
+from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.names import Equality, element_name, equalities
+
+BODY, JOINT, TENDON = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_TENDON
+
+
+@dataclass(frozen=True)
+class Remark:
+    """Something that a lint has to say: a finding that does not know its file.
+
+    Attributes:
+        code: of the catalogue.
+        line: one line with figures and units.
+        element: name of the equality or other element; empty: the model as a whole.
+        severity: None: that of the catalogue.
+        figures: the same for a program.
+    """
+
+    code: str
+    line: str
+    element: str = ""
+    severity: Literal["error", "warning", "note"] | None = None
+    figures: dict[str, Any] = field(default_factory=dict)
+
+
+class View:
+    """A model at one pose.
+
+    Attributes:
+        model: the user's; left alone.
+        data: its own data at the start; all that belongs to a position is valid.
+        equalities: those that are active there.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, pose: ClosedPose | None = None):
+        """Looks at the state of a data; with ``pose`` the loops need not be found again."""
+        self.model, self.data, self._pose = model, mujoco.MjData(model), pose
+        self.data.qpos[:], self.data.qvel[:], self.data.eq_active[:] = data.qpos, data.qvel, data.eq_active
+        self.data.mocap_pos[:], self.data.mocap_quat[:] = data.mocap_pos, data.mocap_quat
+        with collected_warnings():  # what MuJoCo's memory does not suffice for, the run tells
+            mujoco.mj_fwdPosition(model, self.data)
+            mujoco.mj_fwdVelocity(model, self.data)
+        off = mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        every = [] if model.opt.disableflags & off else equalities(model)
+        self.equalities: list[Equality] = [one for one in every if data.eq_active[one.index]]
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """Of the loops, at the closed pose near the start if there is one."""
+        assembly = Assembly(self.model, self.data)
+        if self._pose is not None:
+            assembly.place(self._pose.qpos)
+        return assembly
+
+    @cached_property
+    def loops(self) -> Loops:
+        """At that pose."""
+        if self._pose is not None:
+            return self._pose.loops
+        return loops_at(self.assembly, self.assembly.close(), dependent=False)
+
+    def tilts(self, names: set[str]) -> tuple[Tilt, ...]:
+        """Joints of some loops that alone are not in the plane of most."""
+        return find_tilts(self.assembly, names)
+
+    def body(self, index: int) -> str:
+        """Name of a body."""
+        return element_name(self.model, BODY, index)
+
+    def geoms_of(self, body: int) -> np.ndarray:
+        """Numbers of the geoms of a body and of what is welded to it by having no joint; of the world's its own."""
+        model = self.model
+        if body == 0:
+            return np.flatnonzero(model.geom_bodyid == 0)
+        return np.flatnonzero(model.body_weldid[model.geom_bodyid] == model.body_weldid[body])
+
+    @cached_property
+    def size(self) -> float:
+        """Of the mechanism, m: half the diagonal of a box around all bodies' origins, centres of mass and joints."""
+        data = self.data
+        points = [data.xpos[1:], data.xipos[1:], data.xanchor]
+        every = np.vstack([part for part in points if len(part)])
+        return 0.5 * float(np.linalg.norm(every.max(axis=0) - every.min(axis=0)))
+
+
+def told(value: float) -> str:
+    """A length or angle for a line, three digits."""
+    return f"{value:.3g}"
+
+
+def point(values: np.ndarray) -> str:
+    """A point for a line, as in a file."""
+    return f"({' '.join(f'{0.0 if abs(value) < 5e-7 else value:.4g}' for value in values)})"

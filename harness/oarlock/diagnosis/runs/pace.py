@@ -1,0 +1,74 @@
+"""How far joints turn within a step of a run, and how far that may be."""
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from oarlock.cases.integrators import INTEGRATORS
+from oarlock.diagnosis.runs.exact import ExactRun
+from oarlock.diagnosis.runs.recording import Recording
+from oarlock.mechanics.names import element_name
+
+OFF = 0.005
+"""Of the length of a link that turns about a joint: so far a step may leave the circle that its end moves on."""
+
+_HINGE, _BALL = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_BALL)
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+
+
+@dataclass(frozen=True)
+class Pace:
+    """The joint that turns furthest within a step.
+
+    Attributes:
+        joint: its name.
+        per_step: rad; bound: how far a step of this integrator may turn, rad.
+        rate: rad/s; time_s: when.
+    """
+
+    joint: str
+    per_step: float
+    bound: float
+    rate: float
+    time_s: float
+
+    @property
+    def too_fast(self) -> bool:
+        """Whether the bound is exceeded."""
+        return self.per_step > self.bound
+
+
+def bound(integrator: str) -> float:
+    """Turn (rad) at which a step of an integrator of order p leaves a circle by ``OFF`` of its radius.
+
+    That is θ^(p+1)/(p+1)!, the first term of the circle that such a step does not have.
+    """
+    terms = INTEGRATORS[integrator].order + 1
+    return (OFF * math.factorial(terms)) ** (1.0 / terms)
+
+
+def find_pace(recording: Recording, exact: ExactRun | None) -> Pace | None:
+    """Of the exact motion where it is known to the end, else of MuJoCo's run; None where nothing turns."""
+    model, h = recording.model, recording.timestep_s
+    known = exact is not None and exact.end.how == "finished" and len(exact.qpos) > 1
+    qpos, times = (exact.qpos, exact.time) if exact is not None and known else (recording.qpos, recording.time)
+    turns = np.zeros((max(0, len(qpos) - 1), model.njnt))
+    for joint, kind in enumerate(model.jnt_type.tolist()):
+        first = int(model.jnt_qposadr[joint])
+        if kind == _HINGE:
+            turns[:, joint] = np.abs(np.diff(qpos[:, first]))
+        elif kind in (_BALL, _FREE):
+            first += 3 if kind == _FREE else 0
+            turned = qpos[:, first : first + 4]
+            turned = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), mujoco.mjMINVAL)
+            cosine = np.abs((turned[1:] * turned[:-1]).sum(axis=1))
+            turns[:, joint] = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+    turns[~np.isfinite(turns)] = 0.0
+    if not turns.any():
+        return None
+    step, joint = np.unravel_index(int(turns.argmax()), turns.shape)
+    turn = float(turns[step, joint])
+    name = element_name(model, mujoco.mjtObj.mjOBJ_JOINT, int(joint))
+    return Pace(name, turn, bound(recording.integrator), turn / h, float(times[step]))

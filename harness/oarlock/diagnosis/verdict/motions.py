@@ -1,0 +1,104 @@
+"""From what a run does to findings: dead points, branches, steps that are too long, what lasts, starved solvers."""
+
+import math
+from collections.abc import Iterator
+
+from oarlock.base.numbers import percent
+from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.runs.drifts import VISIBLE
+from oarlock.diagnosis.runs.solving import Solving
+from oarlock.diagnosis.verdict.blame import held, in_words
+from oarlock.diagnosis.verdict.causes import CAUSE
+from oarlock.diagnosis.verdict.findings import Finding, found
+
+
+def dead_point(exam: Examination) -> Iterator[Finding]:
+    """U4: a joint that MuJoCo's run takes beyond what its loops admit."""
+    one = exam.dead_point
+    if one is None:
+        return
+    turns = "" if one.turns_s is None else f" and turns back, as the exact motion does at t = {one.turns_s:.4g} s"
+    said = (
+        f"joint '{one.joint}' cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead point there"
+        f"{turns}; MuJoCo goes on beyond it at t = {one.time_s:.4g} s, tears '{one.equality}' open by {one.torn} and "
+        f"moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not have"
+    )
+    yield found(
+        "U4",
+        exam.file,
+        said,
+        element=one.equality,
+        joint=one.joint,
+        limit=one.limit,
+        furthest=one.furthest,
+        time_s=one.time_s,
+        torn=one.torn.largest,
+        also=[name for name in one.equalities if name != one.equality],
+    )
+
+
+def _coordinate(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}" + (f" ({math.degrees(value):.1f}°)" if unit == "rad" else "")
+
+
+def branch(exam: Examination) -> Iterator[Finding]:
+    """U5: MuJoCo's run ends on another assembly branch than the exact one."""
+    one = exam.branch
+    if one is None:
+        return
+    said = (
+        f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one; "
+        f"at the end of the run they are {one.apart:.3g} {one.unit} apart at joint '{one.joint}'"
+    )
+    names = list(one.equalities)
+    figures = {"time_s": one.since_s, "joint": one.joint, "apart": one.apart}
+    yield found("U5", exam.file, said, element=names[0], also=names[1:], **figures)
+
+
+def pace(exam: Examination) -> Iterator[Finding]:
+    """D8: a step that is too long for the motion, where time stepping opens a loop."""
+    one, recording = exam.pace, exam.recording
+    if one is None or recording is None or recording.end.how != "finished" or exam.attribution is None:
+        return
+    if not one.too_fast:
+        return
+    drifting = {drift.equality for drift in exam.drifts if drift.level == "position" and drift.largest > exam.target}
+    blamed = [share.name for share in exam.attribution.shares if share.leading == "stepping" and share.name in drifting]
+    if not blamed:
+        return
+    said = (
+        f"joint '{one.joint}' turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at t = {one.time_s:.4g} s), "
+        f"and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: too far to keep "
+        f"{in_words(blamed)} closed"
+    )
+    figures = {"per_step": one.per_step, "bound": one.bound, "rate": one.rate, "time_s": one.time_s}
+    yield found("D8", exam.file, said, element=blamed[0], joint=one.joint, also=blamed[1:], **figures)
+
+
+def lasting(exam: Examination) -> Iterator[Finding]:
+    """S4: what stays open for good when the open start has faded."""
+    for one in exam.lasting:
+        said = f"stays open by {one.left} when the start has faded; {percent(one.share)} of it is "
+        said += CAUSE[one.cause].phrase
+        if one.attribute:
+            said += f'; with {one.attribute}="{one.value}" it is {one.after}'
+            said += " from what it is meant to hold" if one.attribute == "polycoef" else ""
+        severity = None if one.left.largest > VISIBLE else "note"
+        after = one.after.largest if one.after is not None else None
+        figures = {"left": one.left.largest, "share": one.share, "after": after, "value": one.value}
+        yield found("S4", exam.file, said, element=one.equality, severity=severity, **figures)
+
+
+def starved(exam: Examination) -> Iterator[Finding]:
+    """D6: a solver that is not enough for stiff equalities, with what one that is makes of the same run."""
+    one = exam.recipe.starved if exam.recipe is not None else None
+    if one is None:
+        return
+    given = Solving.of(exam.model)
+    fed = one.fed.setting.solving
+    said = (
+        f"{given} is too little for stiff equalities: '{one.given.label}' at {one.given.setting.timestep_s:g} s gives "
+        f"{held(one.given)}, and {held(one.fed)} with {fed}"
+    )
+    drift = one.given.drift if math.isfinite(one.given.drift) else None
+    yield found("D6", exam.file, said, iterations=given.iterations, drift_before=drift, drift=one.fed.drift)

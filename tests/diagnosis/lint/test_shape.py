@@ -1,0 +1,95 @@
+"""Welds where a pin was meant, and anchors apart from what is drawn."""
+
+import mujoco
+import numpy as np
+import pytest
+from seen import of_file, of_text, only, text_of
+from tolerances import CLOSED
+
+# Pins.
+
+
+def freedoms(text: str) -> int:
+    """Degrees of freedom at the model's own pose, by plain MuJoCo."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model.nv - int(np.linalg.matrix_rank(data.efc_J.reshape(-1, model.nv)[: data.ne], tol=1e-8))
+
+
+PIN = '<weld name="knee" body1="coupler" body2="rocker" anchor="-0.02 0 0.15"/>'
+CONNECT = '<connect name="knee" body1="rocker" body2="coupler" anchor="-0.02 0 0.15"/>'
+BESIDE = '<connect name="hinge" body1="rocker" body2="coupler" anchor="-0.02 0 0.1"/>'
+
+
+@pytest.mark.parametrize(
+    ("closing", "dof", "named"),
+    [
+        (PIN, 0, "knee"),
+        (PIN.replace('name="knee"', ""), 0, "weld of 'coupler' and 'rocker'"),
+        (CONNECT, 1, None),
+        (CONNECT + BESIDE, 0, "knee"),
+        (BESIDE, 1, None),
+    ],
+)
+def test_a_weld_where_a_pin_was_meant(closing, dof, named):
+    text = text_of("welded_pin.xml").replace(PIN, closing)
+    assert freedoms(text) == dof
+    found = [one for one in of_text(text, 0) if one.code == "L10"]
+    assert [one.element for one in found] == ([named] if named else [])
+
+
+def test_a_weld_is_meant_where_a_pin_would_not_move_it_either():
+    """Two links between the ground and themselves; and a link that a mocap body holds."""
+    two = text_of("welded_pin.xml").replace('<joint name="crank"/>', "")
+    assert "L10" not in {
+        one.code
+        for one in of_text(two.replace('joint="crank"', 'joint="coupler"').split("<keyframe>")[0] + "</mujoco>")
+    }
+    mocap = text_of("welded_pin.xml").replace(
+        '<body name="rocker" pos="0.3 0 0.4">\n      <joint name="rocker"/>',
+        '<body name="rocker" mocap="true" pos="0.3 0 0.4">',
+    )
+    assert "L10" not in {one.code for one in of_text(mocap, 0)}
+
+
+# Drawings.
+
+
+def test_an_anchor_in_the_air_and_the_end_that_was_meant():
+    """Both anchors coincide in the model's own pose: with sites at the drawn ends the loop is open by the gap."""
+    one = only(of_file("drawn_apart.xml"), "S5")
+    text = text_of("drawn_apart.xml")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    tip = data.body("strut").xpos + np.array([0.03, 0, 0.26])
+    lug = data.body("lid").xpos + np.array([0.4, 0, 0])
+    assert one.figures["gap"] == pytest.approx(float(np.linalg.norm(tip - lug)), abs=CLOSED)
+    assert one.figures["anchors"] == [pytest.approx([0.4, 0, 0]), pytest.approx([0.15, 0, 0.4])]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("0.03 0 0.26", "0.15 0 0.4"),  # drawn to where it is held
+        (
+            '<geom fromto="0 0 0 0.03 0 0.26"/>',
+            '<geom fromto="0 0 0 0.03 0 0.26"/><geom fromto="0.03 0 0.26 0.15 0 0.4"/>',
+        ),
+        ('<geom fromto="0 0 0 0.03 0 0.26"/>', '<inertial pos="0 0 0.1" mass="1" diaginertia="0.1 0.1 0.1"/>'),
+        ('<geom fromto="0 0 0 0.03 0 0.26"/>', '<geom type="box" size="0.1 0.1 0.1"/>'),
+        ('<geom fromto="0 0 0 0.03 0 0.26"/>', '<geom type="sphere" size="0.05"/>'),
+        ("0 0 0 0.03 0 0.26", "0 0 0 -0.6 0 -0.8"),  # the free end of a lever that goes the other way
+    ],
+)
+def test_an_anchor_in_the_air_alone_is_no_mistake(change):
+    text = text_of("drawn_apart.xml")
+    assert change[0] in text
+    assert "S5" not in {one.code for one in of_text(text.replace(*change), 0)}
+
+
+def test_a_keyframe_that_closes_is_not_named():
+    text = text_of("drawn_apart.xml").replace('qpos="0.4 0 0.1"', 'qpos="0 0 0"')
+    assert "S6" not in {one.code for one in of_text(text, 0)}
+    assert only(of_file("drawn_apart.xml"), "S6").figures["gap"] == pytest.approx(0.156, abs=5e-4)

@@ -1,0 +1,367 @@
+"""What a run does besides drifting: each finding beside plain MuJoCo, and beside the same model without its cause."""
+
+import math
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import oarlock
+import pytest
+from oarlock.diagnosis.options import usual_target
+from oarlock.diagnosis.verdict.findings import Finding
+from oarlock.mechanics.load import collected_warnings
+from places import FIXTURES
+from tolerances import CLOSED, SAME_RUN
+
+CHECK = FIXTURES / "check"
+
+LIMIT = 1e-6
+"""rad. A limit is found by steps down to 1e-9, and its angle is as the square root of what a loop closes to."""
+
+ROUNDED = 0.5e-3
+"""Relative. Figures of a line have four digits."""
+
+
+def findings(file: Path | str, **options) -> dict[str, Finding]:
+    return {one.code: one for one in oarlock.check(file, **options).verdict}
+
+
+def plain(
+    file: Path | str, change=None, key: int | None = 0, duration_s: float = 2.0
+) -> tuple[mujoco.MjModel, np.ndarray, np.ndarray]:
+    """A run of MuJoCo alone: the model, coordinates and deviations of its first equality's rows at every step."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    if change is not None:
+        change(model)
+    data = mujoco.MjData(model)
+    if key is not None:
+        mujoco.mj_resetDataKeyframe(model, data, key)
+    poses, rows = [], []
+    with collected_warnings():
+        for _ in range(round(duration_s / model.opt.timestep)):
+            poses.append(data.qpos.copy())
+            mujoco.mj_step(model, data)
+            rows.append(data.efc_pos[: data.ne][data.efc_id[: data.ne] == 0].copy())
+    return model, np.array(poses), np.array(rows)
+
+
+def written(tmp_path: Path, name: str, *changes: tuple[str, str]) -> Path:
+    """A fixture with some of its text changed."""
+    text = (CHECK / name).read_text()
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    file = tmp_path / name
+    file.write_text(text)
+    return file
+
+
+# Dead points.
+
+
+def test_a_motor_tears_a_linkage_at_its_dead_point():
+    """Where coupler and follower lie in a line, by the law of cosines."""
+    found = findings(CHECK / "torn_linkage.xml", budget=0)
+    one = found["U4"]
+    assert (one.severity, one.element, one.figures["joint"]) == ("error", "joined", "input")
+    reach = math.hypot(0.35, 0.1) + math.hypot(0.2, 0.3)
+    angle = math.acos((0.2**2 + 0.55**2 - reach**2) / (2 * 0.2 * 0.55))
+    assert one.figures["limit"] == pytest.approx(math.pi / 2 - angle, abs=LIMIT)
+    _, poses, rows = plain(CHECK / "torn_linkage.xml")
+    assert one.figures["furthest"] == pytest.approx(float(poses[:, 0].min()), rel=SAME_RUN)
+    assert one.figures["torn"] == pytest.approx(float(np.linalg.norm(rows, axis=1).max()), rel=SAME_RUN)
+    assert not found.keys() & {"D1", "D3", "D4", "E1"}  # what is torn drifts for no other reason
+
+
+def test_it_is_named_first():
+    assert oarlock.check(CHECK / "torn_linkage.xml", budget=0).verdict[0].code == "U4"
+
+
+def test_a_weak_motor_turns_back_with_it(tmp_path):
+    file = written(tmp_path, "torn_linkage.xml", ('gear="160"', 'gear="0.5"'))
+    assert "U4" not in findings(file, budget=0)
+    _, poses, _ = plain(file)
+    assert poses[:, 0].min() > -1.3
+
+
+# Branches.
+
+
+def _side(file: Path, pose: np.ndarray) -> float:
+    """On which side of a line coupler and rocker of a four-bar are: the sign of the sine between them."""
+    model = mujoco.MjModel.from_xml_path(str(file))
+    data = mujoco.MjData(model)
+    data.qpos[:] = pose
+    mujoco.mj_forward(model, data)
+    joint, pin = data.xanchor[1], data.xpos[2] + data.xmat[2].reshape(3, 3) @ model.eq_data[0, :3]
+    coupler, rocker = pin - joint, pin - data.xanchor[2]
+    return float(np.sign(np.cross(coupler, rocker)[1]))
+
+
+def test_a_soft_loop_steps_over_to_another_branch():
+    """The exact four-bar never has coupler and rocker in a line; MuJoCo's goes through one."""
+    file = CHECK / "dead_point.xml"
+    checked = oarlock.check(file, budget=0)
+    one = next(one for one in checked.verdict if one.code == "U5")
+    exact = checked.examination.exact
+    assert len({_side(file, pose) for pose in exact.qpos[::40]}) == 1
+    _, poses, _ = plain(file, key=None)
+    place = round(one.figures["time_s"] / 0.001)
+    assert {_side(file, pose) for pose in poses[place - 60 : place - 20 : 10]} == {_side(file, exact.qpos[0])}
+    assert {_side(file, pose) for pose in poses[place + 20 : place + 100 : 10]} == {-_side(file, exact.qpos[0])}
+
+
+PARALLELOGRAM = """
+<mujoco>
+  <option timestep="0.002" gravity="0 0 0"/>
+  <default><joint axis="0 1 0"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body><joint name="a"/><geom fromto="0 0 0 0 0 0.3"/>
+      <body name="bar" pos="0 0 0.3"><joint name="b"/><geom fromto="0 0 0 0.7 0 0"/></body></body>
+    <body name="other" pos="0.7 0 0"><joint name="c"/><geom fromto="0 0 0 0 0 0.3"/></body>
+  </worldbody>
+  <equality><connect name="pin" body1="bar" body2="other" anchor="0.7 0 0"/></equality>
+  <keyframe><key qvel="2.5 -2.5 2.5"/></keyframe>
+</mujoco>
+"""
+
+
+def test_going_straight_through_a_flat_parallelogram_is_the_same_branch(tmp_path):
+    """MuJoCo's motion and the exact one are both reversed there, and stay parallelograms."""
+    file = tmp_path / "parallelogram.xml"
+    file.write_text(PARALLELOGRAM)
+    checked = oarlock.check(file, budget=0)
+    codes = {one.code for one in checked.verdict}
+    assert "L5" in codes
+    assert "U5" not in codes
+    for poses in (plain(file)[1], checked.examination.exact.qpos):
+        assert np.abs(poses[:, 0] - poses[:, 2]).max() < 0.01
+
+
+# Steps that are too long.
+
+
+def test_a_fast_crank_turns_too_far_within_a_step(tmp_path):
+    found = findings(CHECK / "fast_crank.xml", budget=0)
+    assert found["D8"].figures["bound"] == pytest.approx(0.1)
+    assert found["D8"].figures["per_step"] > 0.22
+    assert found["D3"].figures["part"] > 0.5
+    assert "D8" not in findings(CHECK / "fast_crank.xml", budget=0, integrator="rk4")
+    slow = written(tmp_path, "fast_crank.xml", ("110 -110 36.666666666666664", "11 -11 3.6666666666666665"))
+    assert "D8" not in findings(slow, budget=0)
+
+
+def test_the_share_of_time_stepping_is_what_a_quarter_of_the_timestep_leaves():
+    found = findings(CHECK / "fast_crank.xml", budget=0)
+
+    def finer(model):
+        model.opt.timestep /= 4
+
+    whole, quarter = (np.linalg.norm(plain(CHECK / "fast_crank.xml", change)[2], axis=1) for change in (None, finer))
+    assert found["D3"].figures["part"] == pytest.approx(1 - quarter[::4].max() / whole.max(), abs=0.01)
+
+
+def test_the_share_of_implicit_damping_is_what_explicit_damping_leaves():
+    found = findings(CHECK / "starved_rods.xml", budget=0)
+
+    def explicit(model):
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+
+    one = found["D4"]
+    assert 0 < one.figures["part"] <= 1
+    assert one.element == "end_c"
+    first = {"end_a": 0}
+    assert set(one.figures["also"]) == {"end_a", "end_b"}
+    left = np.linalg.norm(plain(CHECK / "starved_rods.xml", explicit)[2], axis=1).max()
+    measured = {one.cause: one for one in oarlock.check(CHECK / "starved_rods.xml", budget=0).examination.without}
+    assert measured["implicit"].left[next(iter(first))].metres == pytest.approx(left, rel=SAME_RUN)
+
+
+# What lasts.
+
+
+def _angle(poses: np.ndarray) -> float:
+    """Median angle of a free body to the world over the last quarter of a run."""
+    last = poses[-len(poses) // 4 :, 3:7]
+    return float(np.median(2 * np.arccos(np.minimum(1.0, np.abs(last[:, 0]) / np.linalg.norm(last, axis=1)))))
+
+
+def test_a_load_tilts_what_a_mocap_body_carries_for_good():
+    found = findings(CHECK / "carried_tray.xml", budget=0)
+    one = found["S4"]
+    assert one.element == "grip"
+    assert 'torquescale="5"' in one.line
+
+    def scaled(model):
+        model.eq_data[0, 10] *= 5
+
+    as_given, helped = (_angle(plain(CHECK / "carried_tray.xml", change, None)[1]) for change in (None, scaled))
+    assert one.figures["left"] == pytest.approx(as_given, rel=1e-3)
+    assert one.figures["after"] == pytest.approx(helped, rel=1e-3)
+    assert found["S1"].severity == "warning"
+
+
+def test_a_coupling_that_stays_off_is_helped_by_its_offset(tmp_path):
+    """Two levers geared 1:1; the second carries a weight. With the offset it is where the gear is meant to hold it."""
+    file = tmp_path / "levers.xml"
+    file.write_text(
+        """
+        <mujoco>
+          <option timestep="0.002"/>
+          <default>
+            <joint axis="0 1 0" damping="0.05"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
+          </default>
+          <worldbody>
+            <body><joint name="hand" stiffness="40"/><geom fromto="0 0 0 0.2 0 0" mass="0.1"/></body>
+            <body pos="0 0.2 0"><joint name="arm"/><geom fromto="0 0 0 0.3 0 0" mass="0.1"/>
+              <geom type="sphere" size="0.03" pos="0.3 0 0" mass="3"/></body>
+          </worldbody>
+          <equality><joint name="gear" joint1="arm" joint2="hand"/></equality>
+          <keyframe><key qpos="0 -0.3"/></keyframe>
+        </mujoco>
+        """
+    )
+    one = findings(file, budget=0)["S4"]
+    coefficients = [float(number) for number in one.figures["value"].split()]
+
+    def offset(model):
+        model.eq_data[0, :5] = coefficients
+
+    def lasting(change) -> float:
+        poses = plain(file, change)[1]
+        return float(np.median(poses[-250:, 1] - poses[-250:, 0]))
+
+    assert one.figures["left"] == pytest.approx(abs(lasting(None)), rel=1e-3)
+    assert abs(lasting(offset)) < 0.1 * abs(lasting(None))
+
+
+def test_an_open_start_that_fades_is_only_that(tmp_path):
+    file = written(tmp_path, "carried_tray.xml", ('timestep="0.002"', 'timestep="0.002" gravity="0 0 0"'))
+    found = findings(file, budget=0)
+    assert "S1" in found
+    assert "S4" not in found
+
+
+def test_settings_of_an_open_start_say_from_where_they_were_tried():
+    assert "from the closed start" in findings(CHECK / "carried_tray.xml")["T1"].line
+
+
+# Solvers.
+
+
+def test_a_solver_with_too_few_iterations_is_named_and_fed():
+    checked = oarlock.check(CHECK / "starved_rods.xml")
+    one = next(one for one in checked.verdict if one.code == "D6")
+    recipe = checked.examination.recipe
+    assert recipe is not None
+    assert recipe.reached
+    assert one.line.startswith("CG, 6 iterations")
+    option = ET.fromstring(checked.mjcf.splitlines()[0])
+    assert option.get("solver") == "Newton"
+    assert int(option.get("iterations", 0)) == 100
+
+    def set_(newton: bool):
+        def change(model):
+            recipe.chosen.setting.apply(model)
+            if not newton:
+                model.opt.solver, model.opt.iterations = mujoco.mjtSolver.mjSOL_CG, 6
+
+        return change
+
+    closed, open_ = (np.abs(plain(CHECK / "starved_rods.xml", set_(newton))[2]).max() for newton in (True, False))
+    assert closed <= recipe.target < open_ or not np.isfinite(open_)
+
+
+def test_a_solver_that_has_enough_is_left_alone(tmp_path):
+    file = written(tmp_path, "starved_rods.xml", ('iterations="6" ls_iterations="6"', 'iterations="100"'))
+    checked = oarlock.check(file)
+    assert "D6" not in {one.code for one in checked.verdict}
+    assert "solver" not in checked.mjcf
+
+
+def test_a_run_that_blows_up_has_no_shares(tmp_path):
+    """A servo that is too stiff for the timestep: what the loop does then has no cause among the rows."""
+    file = written(
+        tmp_path,
+        "torn_linkage.xml",
+        (
+            '<motor name="push" joint="input" gear="160" ctrlrange="-1 1"/>',
+            '<position name="push" joint="input" kp="1e6"/>',
+        ),
+    )
+    checked = oarlock.check(file, budget=0)
+    codes = {one.code for one in checked.verdict}
+    assert "R1" in codes
+    assert not codes & {"D1", "D3", "D4", "D8", "L5", "U4", "U5"}
+
+
+# Flexes.
+
+FLEX = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <body name="a"><joint name="a" axis="0 1 0" damping="0.1"/>
+      <geom type="capsule" size="0.01" fromto="0 0 0 0 0 0.2" contype="0" conaffinity="0"/>
+      <body name="b" pos="0 0 0.2"><joint name="b" axis="0 1 0" damping="0.1"/>
+        <geom type="capsule" size="0.01" fromto="0 0 0 0.5 0 0.1" contype="0" conaffinity="0"/>HANGS</body></body>
+    <body name="c" pos="0.5 0 0"><joint name="c" axis="0 1 0" damping="0.1"/>
+      <geom type="capsule" size="0.01" fromto="0 0 0 0 0 0.3" contype="0" conaffinity="0"/></body>
+    STANDS
+  </worldbody>
+  <equality><connect name="corner" body1="b" body2="c" anchor="0.5 0 0.1"/></equality>
+</mujoco>
+"""
+
+CLOTH = """
+<flexcomp name="cloth" type="grid" count="4 3 1" spacing="0.05 0.05 0.05" pos="0.1 0.6 0.5" dim="2"
+    radius="0.005" mass="0.1">
+  <edge equality="true"/><contact contype="0" conaffinity="0" selfcollide="none"/><pin id="0 1"/>
+</flexcomp>"""
+
+
+def _with_cloth(tmp_path: Path, place: str) -> Path:
+    text = FLEX.replace(place, CLOTH)
+    for other in ("HANGS", "STANDS"):
+        text = text.replace(other, "")
+    file = tmp_path / f"{place.lower()}.xml"
+    file.write_text(text)
+    return file
+
+
+def test_what_stands_beside_a_flex_is_examined(tmp_path):
+    alone, beside = _with_cloth(tmp_path, "NOTHING"), _with_cloth(tmp_path, "STANDS")
+    expected, found = (oarlock.check(file, budget=1) for file in (alone, beside))
+    assert found.document()["flexes"] == ["cloth"]
+    assert {one.code for one in found.verdict} == {one.code for one in expected.verdict}
+    exact = found.examination.exact
+    assert exact is not None
+    assert np.abs(exact.qpos[:, :3] - expected.examination.exact.qpos).max() < CLOSED
+    rows = np.array(plain(beside, key=None)[2])
+    number = next(i for i in range(2) if mujoco.MjModel.from_xml_path(str(beside)).equality(i).name == "corner")
+    assert number == 0
+    assert found.examination.drifts[0].metres == pytest.approx(np.linalg.norm(rows, axis=1).max(), rel=SAME_RUN)
+
+
+def test_a_flex_that_hangs_on_the_loop_leaves_no_exact_solution(tmp_path):
+    checked = oarlock.check(_with_cloth(tmp_path, "HANGS"), budget=1)
+    assert checked.examination.exact is None
+    assert "the flex 'cloth' is left as MuJoCo has it" in checked.examination.missing["exact"]
+    assert checked.examination.drifts[0].metres
+    assert checked.examination.attribution is not None
+    assert checked.examination.recipe is not None
+
+
+# The target.
+
+
+@pytest.mark.parametrize(("scale", "expected"), [(1.0, 5.5e-5), (0.1, 5.5e-6), (0.001, 1e-6), (100.0, 1e-3)])
+def test_the_usual_target_grows_with_the_loops(scale, expected):
+    assert usual_target(0.55 * scale) == pytest.approx(expected)
+
+
+def test_a_target_of_ones_own_is_taken_as_it_is():
+    assert oarlock.check(CHECK / "torn_linkage.xml", budget=0).document()["target"] == pytest.approx(5.5e-5)
+    assert oarlock.check(CHECK / "torn_linkage.xml", budget=0, target=3e-7).document()["target"] == 3e-7
