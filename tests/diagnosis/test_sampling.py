@@ -226,3 +226,15 @@ def test_it_is_an_answer_like_others():
     assert set(drawn.frames) == {"states", "branches", "coverage"}
     assert drawn.states.height == 10
     assert "<table>" in drawn._repr_html_()
+
+
+def test_it_begins_where_every_command_does():
+    """The first keyframe, the one that is asked for, or the model's own pose."""
+    key = '<keyframe><key name="up" qpos="0.4 0 0"/><key name="down" qpos="-0.4 0 0"/></keyframe>'
+    model = compiled(rest=key, joint='range="-0.6 0.6"', rocker='limited="false"')
+    near = {name: sample(model, 5, keyframe=name, branches="start", speed=0.0) for name in (None, "up", "down", "none")}
+    np.testing.assert_array_equal(near[None].qpos, near["up"].qpos)
+    assert (near["down"].qpos != near["up"].qpos).any()
+    assert (near["none"].qpos != near["up"].qpos).any()
+    with pytest.raises(InputError, match="expected one of: up, down"):
+        sample(model, 5, keyframe="left")
