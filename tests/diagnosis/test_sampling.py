@@ -238,3 +238,14 @@ def test_it_begins_where_every_command_does():
     assert (near["none"].qpos != near["up"].qpos).any()
     with pytest.raises(InputError, match="expected one of: up, down"):
         sample(model, 5, keyframe="left")
+
+
+def test_a_steep_coupling_is_closed_to_rounding():
+    """A screw of 0.5 mm a turn: its row is 12 566 times as long as that of a hinge."""
+    nut = '<body pos="2 0 0"><joint name="nut" type="slide" axis="1 0 0"/><geom type="sphere" size="0.01"/></body>'
+    turn = '<body pos="3 0 0"><joint name="screw"/><geom type="sphere" size="0.01"/></body>'
+    steep = '<equality><joint joint1="screw" joint2="nut" polycoef="0 12566.37 0 0 0"/></equality>'
+    xml = four_bar(rest=steep).replace("</worldbody>", f"{nut}{turn}</worldbody>")
+    drawn = sample(mujoco.MjModel.from_xml_string(xml), 60)
+    assert drawn.open.max() <= CLOSED
+    assert np.ptp(drawn.qpos[:, -1]) > 1.0  # the screw turns
