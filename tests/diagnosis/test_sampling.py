@@ -226,3 +226,26 @@ def test_it_is_an_answer_like_others():
     assert set(drawn.frames) == {"states", "branches", "coverage"}
     assert drawn.states.height == 10
     assert "<table>" in drawn._repr_html_()
+
+
+def test_it_begins_where_every_command_does():
+    """The first keyframe, the one that is asked for, or the model's own pose."""
+    key = '<keyframe><key name="up" qpos="0.4 0 0"/><key name="down" qpos="-0.4 0 0"/></keyframe>'
+    model = compiled(rest=key, joint='range="-0.6 0.6"', rocker='limited="false"')
+    near = {name: sample(model, 5, keyframe=name, branches="start", speed=0.0) for name in (None, "up", "down", "none")}
+    np.testing.assert_array_equal(near[None].qpos, near["up"].qpos)
+    assert (near["down"].qpos != near["up"].qpos).any()
+    assert (near["none"].qpos != near["up"].qpos).any()
+    with pytest.raises(InputError, match="expected one of: up, down"):
+        sample(model, 5, keyframe="left")
+
+
+def test_a_steep_coupling_is_closed_to_rounding():
+    """A screw of 0.5 mm a turn: its row is 12 566 times as long as that of a hinge."""
+    nut = '<body pos="2 0 0"><joint name="nut" type="slide" axis="1 0 0"/><geom type="sphere" size="0.01"/></body>'
+    turn = '<body pos="3 0 0"><joint name="screw"/><geom type="sphere" size="0.01"/></body>'
+    steep = '<equality><joint joint1="screw" joint2="nut" polycoef="0 12566.37 0 0 0"/></equality>'
+    xml = four_bar(rest=steep).replace("</worldbody>", f"{nut}{turn}</worldbody>")
+    drawn = sample(mujoco.MjModel.from_xml_string(xml), 60)
+    assert drawn.open.max() <= CLOSED
+    assert np.ptp(drawn.qpos[:, -1]) > 1.0  # the screw turns

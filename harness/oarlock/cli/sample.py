@@ -18,6 +18,9 @@ def sample(
         float, typer.Option(metavar="RAD/S", help="Root mean square of the velocities at the start; 0: at rest.")
     ] = 1.0,
     branches: Annotated[str, typer.Option(metavar="WHICH", help="all, or start: only the start's own.")] = "all",
+    keyframe: Annotated[
+        str | None, typer.Option(metavar="NAME|none", help="Start here [default: the first; none: the own pose].")
+    ] = None,
     report: Annotated[Path | None, typer.Option(metavar="DIR", help="A page with what was covered.")] = None,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
@@ -28,7 +31,7 @@ def sample(
     from oarlock.base.numbers import short
     from oarlock.diagnosis.sampling import sample as draw
 
-    drawn = draw(file, count, seed, speed=speed, branches=branches)
+    drawn = draw(file, count, seed, speed=speed, branches=branches, keyframe=keyframe)
     if as_json != "-":
         console().print(shown(drawn.said()), soft_wrap=True)
         for frame in (drawn.branches, drawn.coverage):

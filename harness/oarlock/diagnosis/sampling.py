@@ -170,7 +170,13 @@ class Samples(Answer):
 
 
 def sample(
-    model: "mujoco.MjModel | str | Path", n: int = 1000, seed: int = 0, *, speed: float = 1.0, branches: str = "all"
+    model: "mujoco.MjModel | str | Path",
+    n: int = 1000,
+    seed: int = 0,
+    *,
+    speed: float = 1.0,
+    branches: str = "all",
+    keyframe: str | None = None,
 ) -> Samples:
     """Draws consistent states of a mechanism: positions that close every row inside of all ranges, velocities to match.
 
@@ -182,14 +188,14 @@ def sample(
     normal w, as of a mechanism in equilibrium: every degree of freedom has the same mean kinetic energy.
 
     Args:
-        model: a model, an MJCF file, or the name of a model that comes along. The start is its own pose, or that of its
-            first keyframe where it has one, closed if it is open (``nearest`` in ``loops``); of a model by name the
-            case's.
+        model: a model, an MJCF file, or the name of a model that comes along. The start is that of the case, of its
+            first keyframe where it has one, or its own pose; an open one is closed in the nearest pose.
         n: how many.
         seed: of all random numbers.
         speed: root mean square of the velocities at the start, rad/s, lengths over the mechanism's arm; it sets the
             mean kinetic energy of a degree of freedom, which is the same in all samples. 0: at rest.
         branches: ``all``, or ``start`` for the start's own only.
+        keyframe: name or number of the keyframe to start from; ``none``: the model's own pose.
 
     Raises:
         InputError: no such file or model, no closed start, a number out of range, or no degree of freedom.
@@ -204,7 +210,7 @@ def sample(
     from oarlock.diagnosis.loops.states import draw, start_of
 
     with threadpool_limits(1, user_api="blas"), mujoco_ends_in_a_line():
-        name, own, start = start_of(model)
+        name, own, start = start_of(model, keyframe)
         others = 0 if branches == "start" else n - (n + 1) // 2
         drawn = draw(own, start, n - others, others, seed, speed)
     return Samples(name, seed, *drawn)

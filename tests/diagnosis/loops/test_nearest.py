@@ -99,7 +99,7 @@ class Outside:
                 jac=True,
                 method="L-BFGS-B",
                 bounds=self.bounds,
-                options={"maxiter": 500, "maxcor": 30, "ftol": 1e-15, "gtol": 1e-9},
+                options={"maxiter": 200, "maxcor": 30, "ftol": 1e-12, "gtol": 1e-6},
             ).x
         rest, _ = self.rows(x)
         return float(np.linalg.norm(x)) if np.abs(rest).max(initial=0.0) <= OPEN else np.inf
@@ -309,3 +309,12 @@ def test_one_start_gives_the_same_bits_again():
     model, base = model_at("five_bar")
     given = disturbed(model, base, 3)
     np.testing.assert_array_equal(nearest(model, given).qpos, nearest(model, given).qpos)
+
+
+@pytest.mark.parametrize("far", [1e9, 1e160, 1e300])
+def test_a_start_out_of_this_world_ends_without_a_word(far):
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody><body><joint type="slide" axis="1 0 0"/>
+      <geom type="sphere" size="0.1"/><site name="a"/></body><site name="b" pos="1 0 0"/></worldbody>
+      <equality><connect site1="a" site2="b"/></equality></mujoco>""")
+    found = nearest(model, np.array([far]))
+    assert found is None or found.qpos[0] == pytest.approx(1.0)

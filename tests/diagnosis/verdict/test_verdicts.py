@@ -259,7 +259,7 @@ def test_cranks_lock_that_are_a_little_off():
     _, findings = as_it_is("locked_cranks.xml")
     assert only(findings, "S3").severity == "error"
     assert only(findings, "S1").line == (
-        "stands open by 0.01000 m at the start; the nearest closed pose moves 'crank3' by 0.025 rad"
+        "stands open by 0.01000 m at the start; the nearest closed pose moves 'crank1' by 0.025 rad"
     )
     assert only(findings, "T1").line.endswith("what is locked (S3) then stands still")
 

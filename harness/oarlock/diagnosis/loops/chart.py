@@ -41,6 +41,9 @@ LONGEST = 0.5
 ROUNDS = 40
 """Newton steps onto the rows, at most."""
 
+BEYOND = 1e100
+"""Deviations and derivatives from there on have squares that overflow."""
+
 _HALVINGS = 5
 _FAR = 1e9
 """Margin of a limit: it always has a row."""
@@ -227,12 +230,16 @@ class Chart:
         return self.assembly.difference(self.base, pose)[self.dofs] / self.unit
 
     def see(self, x: np.ndarray) -> Seen:
-        """Goes to a pose and looks at it."""
+        """Goes to a pose and looks at it; one whose squares are no numbers is open without end."""
         assembly = self.assembly
         assembly.place(self.pose(x))
-        rest = assembly.residual()[self.rows] / self._weights
-        rows = self._by_x(x, assembly.jacobian()[self.rows][:, self.dofs] / self._weights[:, None])
-        room, fences = self._fences(x)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is told below
+            rest = assembly.residual()[self.rows] / self._weights
+            rows = self._by_x(x, assembly.jacobian()[self.rows][:, self.dofs] / self._weights[:, None])
+            room, fences = self._fences(x)
+        if not all(bool((np.abs(part) < BEYOND).all()) for part in (rest, rows, room, fences)):
+            nothing = np.zeros_like(rows), np.zeros(0), np.zeros((0, self.size))
+            return Seen(x, np.full(len(rest), np.inf), *nothing)
         return Seen(x, rest, rows, room, fences)
 
     def _by_x(self, x: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -309,6 +316,8 @@ class Chart:
             None where they lead nowhere.
         """
         seen, damping = self.see(np.clip(x, self.low, self.high)), 0.0
+        if not np.isfinite(seen.gap):
+            return None
         for _ in range(rounds):
             outside = not self.inside(seen)
             if seen.gap <= _rounding(self) and not outside:

@@ -35,6 +35,9 @@ from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 
+ALIKE = 1.0 - 1e-6
+"""Of the largest change: of several joints that move by as much the first is named, whatever rounding says."""
+
 _JOINT = mujoco.mjtObj.mjOBJ_JOINT
 
 
@@ -154,7 +157,7 @@ def nearest_closed(
     found = assembly.data.qpos.copy()
     velocity = _admitted(assembly, speed)
     change = assembly.difference(given, found)
-    most = int(np.abs(change).argmax())
+    most = int((np.abs(change) >= ALIKE * np.abs(change).max()).argmax())
     moved = float(np.abs(change[most]))
     arm = arm_of(assembly) if way is None else way.arm
     norm = float(np.linalg.norm(change / np.where(lengths(model), arm, 1.0)))

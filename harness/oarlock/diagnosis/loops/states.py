@@ -8,12 +8,14 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.cases.case import load_case
+from oarlock.cases.motion import Motion
 from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.chart import arm_of, bounds, fenced, lengths
 from oarlock.diagnosis.loops.poses import nearest_closed
 from oarlock.diagnosis.loops.spread import Spread, spread
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.names import coordinates, element_name
+from oarlock.stepping.beginning import beginning_of_file
 from oarlock.stepping.start import consistent_start
 
 _FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
@@ -24,27 +26,28 @@ Drawn = tuple[
 """As the attributes of ``Samples``, from ``qpos`` on."""
 
 
-def start_of(model: mujoco.MjModel | str | Path) -> tuple[str, mujoco.MjModel, mujoco.MjData]:
-    """Its name, the model, and a data at its start: that of a case, of the first keyframe, or the model's own.
+def start_of(model: mujoco.MjModel | str | Path, keyframe: str | None) -> tuple[str, mujoco.MjModel, mujoco.MjData]:
+    """Its name, the model, and a data at its start: that of a case, else by the rule of ``stepping.beginning``.
 
     Raises:
         InputError: as ``sample``.
     """
     if isinstance(model, mujoco.MjModel):
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MODEL, 0) or "a model"
+        name, model = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MODEL, 0) or "a model", copy.copy(model)
     elif Path(model).is_file():
         name, model = str(model), load_model(Path(model))
     else:
         case = load_case(str(model))
         name, model = str(model), load_model(case.model_path, case.parameters)
-        data = mujoco.MjData(model)
-        dense = copy.copy(model)
-        dense.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        data.qpos[:] = consistent_start(dense, case).qpos
-        return name, model, data
+        if keyframe is None:
+            dense = copy.copy(model)
+            dense.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+            data = mujoco.MjData(model)
+            data.qpos[:] = consistent_start(dense, case).qpos
+            return name, model, data
+    begins = beginning_of_file(model, Motion(keyframe=keyframe))  # moves mocap bodies of the model
     data = mujoco.MjData(model)
-    if model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qpos[:] = begins.qpos
     return name, model, data
 
 
