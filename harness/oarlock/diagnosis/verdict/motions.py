@@ -71,8 +71,18 @@ def pace(exam: Examination) -> Iterator[Finding]:
         f"and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: too far to keep "
         f"{in_words(blamed)} closed"
     )
-    figures = {"per_step": one.per_step, "bound": one.bound, "rate": one.rate, "time_s": one.time_s}
-    yield found("D8", exam.file, said, element=blamed[0], joint=one.joint, also=blamed[1:], **figures)
+    yield found(
+        "D8",
+        exam.file,
+        said,
+        element=blamed[0],
+        joint=one.joint,
+        per_step=one.per_step,
+        bound=one.bound,
+        rate=one.rate,
+        time_s=one.time_s,
+        also=blamed[1:],
+    )
 
 
 def lasting(exam: Examination) -> Iterator[Finding]:
