@@ -31,8 +31,8 @@ FINER = 10
 that a motor drives through a dead point turns back there within one step of the model's own."""
 
 FINER_WORK, MANY = 4_000_000, 30
-"""Steps times velocities up to which that is done, some ten seconds; beyond so many velocities a step of each takes more,
-in proportion to their number."""
+"""Steps times velocities up to which that is done, some ten seconds; beyond so many velocities a step of each takes
+more, in proportion to their number."""
 
 _FIGURES = (
     "rank",
