@@ -108,7 +108,7 @@ def test_boat_drifts_by_softness_and_is_held_at_the_same_timestep():
     assert abs(worst.worst) == pytest.approx(1.9e-4, rel=PEAK)
     assert worst.shares["compliance"] == pytest.approx(1.03, abs=0.01)
     assert worst.time_s == pytest.approx(1.6, abs=0.01)
-    assert only(findings, "D1").line.endswith("103 % of it is softness; for the same reason also 'pin3'")
+    assert only(findings, "D1").line.endswith("100 % of it is softness; for the same reason also 'pin3'")
     assert "D5" not in {one.code for one in findings}  # the row that drifts is stiffer than asked for
     (same,) = [one for one in found.recipe.trials if one.setting == deadbeat(1e-3, "euler") and one.start == "own"]
     assert same.drift < 1e-6
@@ -130,9 +130,10 @@ def test_fast_four_bar_by_time_stepping_and_without_curvature():
     findings = judge(found)
     one = only(findings, "D3")
     assert one.figures["drift_m"] == pytest.approx(1.9e-3, rel=PEAK)
-    assert one.figures["share_stepping"] > 1.0
+    assert one.figures["share_stepping"] > 1.0 > one.figures["part"] > 0.5
     assert "rk4 in place of euler" in only(findings, "T1").line
-    assert only(findings, "V1").figures["without"] > 10 * one.figures["drift_m"]
+    assert np.abs(without_curvature(found.recording)).max() > 10 * one.figures["drift_m"]
+    assert "V1" not in {one.code for one in findings}  # it is told on the page
     half = examined("four_bar", 2.0, integrator="euler", timestep=5e-4, budget=0)
     stepping = [exam.attribution.worst.parts["stepping"] for exam in (found, half)]
     assert abs(stepping[1]) < 0.6 * abs(stepping[0])

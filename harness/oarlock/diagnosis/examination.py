@@ -395,9 +395,11 @@ def _branch(found: Examination) -> None:
     """Looked for where the motion comes near a singular pose, or the loops are torn."""
     if found.recording is None or found.exact is None or found.pose is None or found.dead_point is not None:
         return
-    near = found.history is not None and bool(found.history.events)
-    if near or float(found.recording.drift.max(initial=0.0)) > TORN * found.size:
-        found.branch = find_branch(found.recording, found.exact, found.pose.loops, found.size, _data(found))
+    events = found.history.events if found.history is not None else ()
+    near = {name for event in events for name in event.equalities}
+    near |= {one.equality for one in found.drifts if one.level == "position" and one.largest > TORN * found.size}
+    if near:
+        found.branch = find_branch(found.recording, found.exact, found.pose.loops, near, found.size, _data(found))
 
 
 def _motion(found: Examination) -> tuple[np.ndarray, np.ndarray]:

@@ -106,6 +106,7 @@ def test_a_soft_loop_steps_over_to_another_branch():
     checked = oarlock.check(file, budget=0)
     one = next(one for one in checked.verdict if one.code == "U5")
     exact = checked.examination.exact
+    assert exact is not None
     assert len({_side(file, pose) for pose in exact.qpos[::40]}) == 1
     _, poses, _ = plain(file, key=None)
     place = round(one.figures["time_s"] / 0.001)
@@ -136,7 +137,9 @@ def test_going_straight_through_a_flat_parallelogram_is_the_same_branch(tmp_path
     codes = {one.code for one in checked.verdict}
     assert "L5" in codes
     assert "U5" not in codes
-    for poses in (plain(file)[1], checked.examination.exact.qpos):
+    exact = checked.examination.exact
+    assert exact is not None
+    for poses in (plain(file)[1], exact.qpos):
         assert np.abs(poses[:, 0] - poses[:, 2]).max() < 0.01
 
 
@@ -160,7 +163,9 @@ def test_the_share_of_time_stepping_is_what_a_quarter_of_the_timestep_leaves():
         model.opt.timestep /= 4
 
     whole, quarter = (np.linalg.norm(plain(CHECK / "fast_crank.xml", change)[2], axis=1) for change in (None, finer))
-    assert found["D3"].figures["part"] == pytest.approx(1 - quarter[::4].max() / whole.max(), abs=0.01)
+    worst = int(whole.argmax())
+    left = quarter[::4][max(0, worst - 20) : worst + 21].max()  # 2 % of 1000 steps
+    assert found["D3"].figures["part"] == pytest.approx(1 - left / whole[worst], abs=1e-9)
 
 
 def test_the_share_of_implicit_damping_is_what_explicit_damping_leaves():
@@ -174,7 +179,9 @@ def test_the_share_of_implicit_damping_is_what_explicit_damping_leaves():
     assert one.element == "end_c"
     first = {"end_a": 0}
     assert set(one.figures["also"]) == {"end_a", "end_b"}
-    left = np.linalg.norm(plain(CHECK / "starved_rods.xml", explicit)[2], axis=1).max()
+    given, rows = (np.linalg.norm(plain(CHECK / "starved_rods.xml", change)[2], axis=1) for change in (None, explicit))
+    worst = int(given.argmax())
+    left = rows[max(0, worst - 10) : worst + 11].max()  # 2 % of 500 steps
     measured = {one.cause: one for one in oarlock.check(CHECK / "starved_rods.xml", budget=0).examination.without}
     assert measured["implicit"].left[next(iter(first))].metres == pytest.approx(left, rel=SAME_RUN)
 
@@ -336,9 +343,10 @@ def test_what_stands_beside_a_flex_is_examined(tmp_path):
     expected, found = (oarlock.check(file, budget=1) for file in (alone, beside))
     assert found.document()["flexes"] == ["cloth"]
     assert {one.code for one in found.verdict} == {one.code for one in expected.verdict}
-    exact = found.examination.exact
+    exact, alone_exact = found.examination.exact, expected.examination.exact
     assert exact is not None
-    assert np.abs(exact.qpos[:, :3] - expected.examination.exact.qpos).max() < CLOSED
+    assert alone_exact is not None
+    assert np.abs(exact.qpos[:, :3] - alone_exact.qpos).max() < CLOSED
     rows = np.array(plain(beside, key=None)[2])
     number = next(i for i in range(2) if mujoco.MjModel.from_xml_path(str(beside)).equality(i).name == "corner")
     assert number == 0

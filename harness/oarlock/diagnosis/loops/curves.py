@@ -64,9 +64,10 @@ class Linkage:
         self.size = size
         zero = {(one.name, label) for one in loops.loops if one.group == group for label in one.zero_rows}
         named = [assembly.rows[row] for row in self._rows]
-        self._holding = [
-            int(row) for row, one in zip(self._rows, named, strict=True) if (one.equality, one.label) not in zero
-        ]
+        self._holding = np.array(
+            [row for row, one in zip(self._rows, named, strict=True) if (one.equality, one.label) not in zero],
+            dtype=int,
+        )
 
     @staticmethod
     def serves(model: mujoco.MjModel, loops: Loops, group: int) -> bool:

@@ -55,13 +55,16 @@ class Branch:
     since_s: float
 
 
-def find_branch(recording: Recording, exact: ExactRun, loops: Loops, size: float, data: mujoco.MjData) -> Branch | None:
-    """Looks at every group with one freedom; None where all end on the exact motion's branch, or none can be told.
+def find_branch(
+    recording: Recording, exact: ExactRun, loops: Loops, near: set[str], size: float, data: mujoco.MjData
+) -> Branch | None:
+    """Looks at groups with one freedom; None where all end on the exact motion's branch, or none can be told.
 
     Args:
         recording: MuJoCo's run.
         exact: the exact one, to the same time.
         loops: at the closed start.
+        near: equalities of which one at least is in a group that is looked at.
         size: of the loops, m.
         data: mocap bodies and which equalities are active; left alone.
     """
@@ -70,7 +73,7 @@ def find_branch(recording: Recording, exact: ExactRun, loops: Loops, size: float
         return None
     assembly = Assembly(model, data)
     for number, group in enumerate(loops.groups):
-        if group.dof != 1 or not Linkage.serves(model, loops, number):
+        if group.dof != 1 or near.isdisjoint(group.equalities) or not Linkage.serves(model, loops, number):
             continue
         linkage = Linkage(assembly, loops, number, size)
         since = _jumped(linkage, recording, exact) if linkage.oriented else None

@@ -32,8 +32,9 @@ FINER = 10
 """Parts of a timestep, by Runge–Kutta, that a run is done anew with where it was lost or cannot be trusted: a mechanism
 that a motor drives through a dead point turns back there within one step of the model's own."""
 
-FINER_WORK = 4_000_000
-"""Steps times velocities up to which that is done: some ten seconds."""
+FINER_WORK, MANY = 4_000_000, 30
+"""Steps times velocities up to which that is done, some ten seconds; beyond so many velocities a step of each takes
+more, in proportion to their number."""
 
 _FIGURES = (
     "time_s",
@@ -120,7 +121,11 @@ def record_exact(
         note = f"{SUBSTITUTE} in place of {asked}"
         note += f", for the model has {model.na} actuator activation(s)" if stuck else ""
     first = _record(own, start, laws, steps, note)
-    if _trusted(first) or first.end.how == "refused" or FINER * steps * model.nv > FINER_WORK:
+    if (
+        _trusted(first)
+        or first.end.how == "refused"
+        or FINER * steps * model.nv * max(1.0, model.nv / MANY) > FINER_WORK
+    ):
         return first
     finest = INTEGRATORS["rk4"] if not model.na else SUBSTITUTE
     set_integrator(own, finest.name)

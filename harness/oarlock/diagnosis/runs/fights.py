@@ -19,7 +19,8 @@ LOOKS = 32
 """Steps that are looked at, of those in which something is fought: the first, the last and some between."""
 
 COUNTS = 1e-6
-"""Of the largest force: less is the rounding of a pose at which something just touches."""
+"""Of the largest force of such a push, and of all forces of the run: less is the rounding of a pose at which something
+just touches."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,8 @@ def find_fight(model: mujoco.MjModel, exact: ExactRun) -> Fight | None:
             for name, force in new.items():
                 known[name] = max(known.get(name, 0.0), force)
     largest = max(others.values(), default=0.0)
-    if not largest:
+    whole = max(float(np.abs(exact.force).max(initial=0.0)), float(np.abs(exact.loads).max(initial=0.0)))
+    if largest <= COUNTS * whole:
         return None
     told = tuple(name for name, force in others.items() if force > COUNTS * largest)
     bearing = tuple(name for name, force in equalities.items() if force > COUNTS * largest)

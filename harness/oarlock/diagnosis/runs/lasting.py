@@ -100,7 +100,6 @@ def _tried(
     model = copy.deepcopy(recording.model)
     data = model.eq_data[equality.index]
     last: np.ndarray | None = None
-    attribute = value = ""
     if equality.kind.turns and (one.left.radians or 0.0) >= (one.left.metres or 0.0):
         data[_TORQUESCALE] *= TORQUESCALE
         attribute, value = "torquescale", f"{data[_TORQUESCALE]:g}"
@@ -112,8 +111,10 @@ def _tried(
             again = _rerun(model, recording, equality)
             if again is None:
                 return one
-            last = off = again + data[_OFFSET] - given
+            last = off = again + (data[_OFFSET] - given)
         attribute, value = "polycoef", " ".join(f"{number:.6g}" for number in data[:5])
+    else:
+        return one
     if last is None:
         return one
     after = opening(model, equality, last)

@@ -22,6 +22,7 @@ from oarlock.diagnosis.runs.stability import stability
 from oarlock.diagnosis.runs.walking import walk
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.names import Equality
 from oarlock.mechanics.prepare import set_integrator
 
 PARTS = 4
@@ -29,6 +30,9 @@ PARTS = 4
 
 MOST_STEPS = 40_000
 """Of such a run: a longer one takes more than the rest of a check."""
+
+ABOUT = 0.02
+"""Of the run: what is left is looked for so near to the worst moment. At others another cause may do as much."""
 
 Cause = Literal["stepping", "implicit"]
 
@@ -41,7 +45,7 @@ class Without:
 
     Attributes:
         cause: what was taken away.
-        left: equality → its largest gap; empty where the run diverged.
+        left: equality → its largest gap about the moment at which it was worst; empty where the run diverged.
     """
 
     cause: Cause
@@ -105,13 +109,20 @@ def _without(
             taken = step + 1
     if taken < parts * recording.steps:
         return Without(cause, {})
-    left = {one.name: _worst(model, layout, place, position) for place, one in enumerate(layout.equalities)}
+    left = {one.name: _left(recording, place, position) for place, one in enumerate(layout.equalities)}
     return Without(cause, left)
 
 
-def _worst(model: mujoco.MjModel, layout: Layout, place: int, position: np.ndarray) -> Opening:
-    """The largest gap of an equality: of its points or of its angle, whichever is larger."""
-    own = position[:, layout.of_equality(place)]
-    parts = [own[:, :3], own[:, 3:]] if own.shape[1] == 6 else [own]
+def _left(recording: Recording, place: int, position: np.ndarray) -> Opening:
+    """The largest gap of an equality about the moment at which it was worst."""
+    rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
+    _, worst = _worst(recording.model, equality, recording.position[:, rows])
+    around = max(2, int(ABOUT * recording.steps))
+    return _worst(recording.model, equality, position[max(0, worst - around) : worst + around + 1, rows])[0]
+
+
+def _worst(model: mujoco.MjModel, equality: Equality, rows: np.ndarray) -> tuple[Opening, int]:
+    """The largest gap of an equality, of its points or of its angle, whichever is larger; and the step."""
+    parts = [rows[:, :3], rows[:, 3:]] if rows.shape[1] == 6 else [rows]
     instants = {int(np.linalg.norm(part, axis=1).argmax()) for part in parts}
-    return max((opening(model, layout.equalities[place], own[at]) for at in instants), key=lambda one: one.largest)
+    return max(((opening(model, equality, rows[at]), at) for at in instants), key=lambda one: one[0].largest)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from typing import Any
 
 from oarlock.base.numbers import percent
 from oarlock.base.text import quoted
@@ -21,9 +20,9 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
         return
     turns = "" if one.turns_s is None else f" and turns back, as the exact motion does at t = {one.turns_s:.4g} s"
     said = (
-        f"joint {quoted(one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead point "
-        f"there{turns}; MuJoCo goes on beyond it at t = {one.time_s:.4g} s, tears '{one.equality}' open by {one.torn} and "
-        f"moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not have"
+        f"joint {quoted(one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead "
+        f"point there{turns}; MuJoCo goes on beyond it at t = {one.time_s:.4g} s, tears '{one.equality}' open by "
+        f"{one.torn} and moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not have"
     )
     yield found(
         "U4",
@@ -70,11 +69,21 @@ def pace(exam: Examination) -> Iterator[Finding]:
         return
     said = (
         f"joint {quoted(one.joint)} turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at "
-        f"t = {one.time_s:.4g} s), and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: too far to keep "
-        f"{in_words(blamed)} closed"
+        f"t = {one.time_s:.4g} s), and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: "
+        f"too far to keep {in_words(blamed)} closed"
     )
-    figures: dict[str, Any] = {"per_step": one.per_step, "bound": one.bound, "rate": one.rate, "time_s": one.time_s}
-    yield found("D8", exam.file, said, element=blamed[0], joint=one.joint, also=blamed[1:], **figures)
+    yield found(
+        "D8",
+        exam.file,
+        said,
+        element=blamed[0],
+        joint=one.joint,
+        per_step=one.per_step,
+        bound=one.bound,
+        rate=one.rate,
+        time_s=one.time_s,
+        also=blamed[1:],
+    )
 
 
 def lasting(exam: Examination) -> Iterator[Finding]:
