@@ -51,7 +51,7 @@ def fixed(source: Path, out: Path, collisions=(), **asked):
     exam = begin(str(source), CheckOptions(**asked))
     for _ in examine(exam):
         pass
-    exam.collisions = collisions
+    exam.collisions = collisions or getattr(exam, "collisions", ())
     return fix_model(exam, judge(exam), out), exam
 
 
