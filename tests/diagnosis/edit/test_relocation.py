@@ -87,7 +87,6 @@ def test_names_beside_the_copy_are_not_those_of_the_author(nested):
     main = MAIN.replace("loop.xml", "fixed-loop.xml")
     (nested / "main.xml").write_text(main)
     out = nested / "fixed.xml"
-    (nested / "fixed-fixed-loop.xml").write_text("an old copy")
     write_changed(nested / "main.xml", out, [Settings(SETTING)])
     assert (nested / "fixed-loop.xml").read_text() == LOOP
     assert "solref" in (nested / "fixed-fixed-loop.xml").read_text()
@@ -162,6 +161,16 @@ def test_a_keyframe_in_an_included_file_is_changed_in_a_copy_of_that(nested):
     write_changed(nested / "main.xml", nested / "out.xml", [Keyframe(np.array([1 / 3, 0.0]), np.zeros(2), key=0)])
     assert (nested / "out.xml").read_text() == main.replace("key.xml", "out-key.xml")
     assert (nested / "out-key.xml").read_text() == key.replace("0 0", f"{1 / 3!r} 0")
+
+
+def test_files_of_others_stay_and_earlier_copies_are_replaced(nested):
+    (nested / "fixed-loop.xml").write_text("of somebody else, as is 'fixed-common.xml'")
+    for _ in range(2):
+        written = write_changed(nested / "main.xml", nested / "fixed.xml", [Settings(SETTING)])
+        assert {path.name for path in written} == {
+            *("fixed-loop-2.xml", "fixed-common.xml", "fixed-option.xml", "fixed.xml")
+        }
+    assert (nested / "fixed-loop.xml").read_text() == "of somebody else, as is 'fixed-common.xml'"
 
 
 def test_nothing_is_left_of_a_copy_that_is_another_model(nested, monkeypatch):
