@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from mechanisms import four_bar, write_model
 from oarlock.base.errors import InputError
+from oarlock.diagnosis.edit import copy
 from oarlock.diagnosis.edit.changes import Coefficients, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import write_changed
 from oarlock.diagnosis.runs.trials import Setting
@@ -86,7 +87,6 @@ def test_names_beside_the_copy_are_not_those_of_the_author(nested):
     main = MAIN.replace("loop.xml", "fixed-loop.xml")
     (nested / "main.xml").write_text(main)
     out = nested / "fixed.xml"
-    (nested / "fixed-fixed-loop.xml").write_text("an old copy")
     write_changed(nested / "main.xml", out, [Settings(SETTING)])
     assert (nested / "fixed-loop.xml").read_text() == LOOP
     assert "solref" in (nested / "fixed-fixed-loop.xml").read_text()
@@ -151,6 +151,35 @@ def test_files_of_other_authors(strange, tmp_path, name, place):
     copy = load_model(out)
     assert [field for field in differences(model, copy) if not field.startswith(("key_", "nkey"))] == []
     np.testing.assert_array_equal(copy.key("new").qvel, np.full(model.nv, 1 / 3))
+
+
+def test_a_keyframe_in_an_included_file_is_changed_in_a_copy_of_that(nested):
+    key = '<mujocoinclude>\n  <keyframe><key name="k" qpos="0 0" ctrl=""/></keyframe>\n</mujocoinclude>\n'
+    (nested / "key.xml").write_text(key)
+    main = MAIN.replace("</mujoco>", '  <include file="key.xml"/>\n</mujoco>')
+    (nested / "main.xml").write_text(main)
+    write_changed(nested / "main.xml", nested / "out.xml", [Keyframe(np.array([1 / 3, 0.0]), np.zeros(2), key=0)])
+    assert (nested / "out.xml").read_text() == main.replace("key.xml", "out-key.xml")
+    assert (nested / "out-key.xml").read_text() == key.replace("0 0", f"{1 / 3!r} 0")
+
+
+def test_files_of_others_stay_and_earlier_copies_are_replaced(nested):
+    (nested / "fixed-loop.xml").write_text("of somebody else, as is 'fixed-common.xml'")
+    for _ in range(2):
+        written = write_changed(nested / "main.xml", nested / "fixed.xml", [Settings(SETTING)])
+        assert {path.name for path in written} == {
+            *("fixed-loop-2.xml", "fixed-common.xml", "fixed-option.xml", "fixed.xml")
+        }
+    assert (nested / "fixed-loop.xml").read_text() == "of somebody else, as is 'fixed-common.xml'"
+
+
+def test_nothing_is_left_of_a_copy_that_is_another_model(nested, monkeypatch):
+    (nested / "out-loop.xml").write_text("an old copy")
+    before = {path: path.read_bytes() for path in nested.rglob("*.*")}
+    monkeypatch.setattr(copy, "differences", lambda *_: ["body_mass"])
+    with pytest.raises(InputError, match="another body_mass"):
+        write_changed(nested / "main.xml", nested / "out.xml", [Settings(SETTING)])
+    assert {path: path.read_bytes() for path in nested.rglob("*.*")} == before
 
 
 # Models within models.

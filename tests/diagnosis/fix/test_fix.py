@@ -4,6 +4,8 @@ import difflib
 import json
 import math
 import re
+import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,9 +20,11 @@ from oarlock.diagnosis.fix.fix import fix_model
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.verdict.verdicts import judge
 from places import FIXTURES, REPOSITORY
-from tolerances import CLOSED
 
 CHECKED, MODELS = FIXTURES / "check", REPOSITORY / "mjcf"
+
+AGAIN = 1e-6
+"""Relative. The same run in plain MuJoCo: the energy is not asked for there, and nothing else differs."""
 
 # Plain MuJoCo.
 
@@ -35,11 +39,11 @@ def drift(path: Path, duration_s: float, key: int | None = None, ctrl=None) -> f
         data.ctrl[:] = ctrl
     worst = 0.0
     for _ in range(round(duration_s / model.opt.timestep)):
-        mujoco.mj_step1(model, data)
+        mujoco.mj_forward(model, data)
         if data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number:
             return math.inf
         worst = max(worst, float(np.abs(data.efc_pos[: data.ne]).max(initial=0.0)))
-        mujoco.mj_step2(model, data)
+        mujoco.mj_step(model, data)
     return worst
 
 
@@ -47,7 +51,7 @@ def fixed(source: Path, out: Path, collisions=(), **asked):
     exam = begin(str(source), CheckOptions(**asked))
     for _ in examine(exam):
         pass
-    exam.collisions = collisions
+    exam.collisions = collisions or getattr(exam, "collisions", ())
     return fix_model(exam, judge(exam), out), exam
 
 
@@ -61,37 +65,39 @@ class Collision:
 
 # What changed.
 
-SETTINGS = r"timestep|integrator|solver|iterations|tolerance|ls_iterations|ls_tolerance"
+VALUE = r"""=("[^"]*"|'[^']*')"""
 STRIPPED = {
-    "option": SETTINGS,
-    "connect|weld|joint|tendon": "solref|solimp|polycoef",
-    "key": "qpos|qvel",
-    "body": "name",
+    "option": rf"(timestep|integrator|solver|iterations|tolerance|ls_iterations){VALUE}",
+    "connect|weld|joint|tendon": rf"(solref|solimp|polycoef){VALUE}",
+    "key": rf"(qpos|qvel){VALUE}",
+    "body": r'name="body\d+"',
 }
+"""Elements → attributes that a fix may change."""
 ADDED = re.compile(r"\s*</?(exclude|key|contact|keyframe|option|compiler)\b[^<]*>\s*")
 
 
-def stripped(line: str) -> str:
-    """A line without the attributes that a fix may change."""
-    for tags, names in STRIPPED.items():
-        line = re.sub(
-            rf"<({tags})\b[^>]*>",
-            lambda tag, names=names: re.sub(rf"""\s*\b({names})=("[^"]*"|'[^']*')""", "", tag[0]),
-            line,
-        )
-    return re.sub(r"\s+(/?>)", r"\1", line)
+def stripped(text: str) -> str:
+    """A text without the attributes that a fix may change."""
+    for tags, attributes in STRIPPED.items():
+        text = re.sub(rf"<({tags})\b[^>]*>", lambda tag, found=attributes: re.sub(rf"\s*\b{found}", "", tag[0]), text)
+    return re.sub(r"[ \t]+(/?>)", r"\1", text)
 
 
-def assert_only_fixes(source: Path, out: Path) -> None:
-    """Every line of the copy is one of the source, one with other settings, or an element that a fix may add."""
-    before, after = (path.read_bytes().decode().splitlines(keepends=True) for path in (source, out))
+def assert_only_fixes(source: Path, out: Path, beside: Sequence[str] = ()) -> None:
+    """Every line of the copy is one of the source, one with other settings, or an element that a fix may add.
+
+    Files that are copied ``beside`` it are named there and not where they were.
+    """
+    before, after = (path.read_bytes().decode() for path in (source, out))
+    for name in beside:
+        after = re.sub(rf'"{name}"', lambda _, name=name: f'"{name.removeprefix("fixed-")}"', after)
+    before, after = (stripped(text).splitlines(keepends=True) for text in (before, after))
     for kind, a, b, c, d in difflib.SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
-        if kind == "equal":
-            continue
-        old = [stripped(line) for line in before[a:b]]
-        new = [stripped(line) for line in after[c:d]]
-        left = [line for line in new if not (line not in old and ADDED.fullmatch(line))]
-        assert left == old, (before[a:b], after[c:d])
+        if kind == "replace":  # an empty section that was filled
+            assert [ADDED.fullmatch(line) for line in before[a:b] if not ADDED.fullmatch(line)] == []
+        assert kind in ("equal", "insert", "replace"), before[a:b]
+        if kind != "equal":
+            assert [line for line in after[c:d] if not ADDED.fullmatch(line)] == []
 
 
 # What is in it.
@@ -125,7 +131,7 @@ def test_a_start_that_is_open_is_closed_in_its_own_keyframe(tmp_path):
     assert_only_fixes(source, out)
     assert '" ctrl="0.4"/> <!-- by eye -->' in out.read_text()
     assert drift(source, 0.5, key=0) > 0.01
-    assert drift(out, 0.5, key=0) == pytest.approx(fix.after.drift, rel=1e-9)
+    assert drift(out, 0.5, key=0) == pytest.approx(fix.after.drift, rel=AGAIN)
     assert fix.after.drift <= 1e-5
     model = mujoco.MjModel.from_xml_path(str(out))
     np.testing.assert_array_equal(model.key_qpos[0], exam.pose.qpos)
@@ -142,7 +148,7 @@ def test_a_start_that_is_no_keyframe_becomes_the_first_one(tmp_path):
     assert_only_fixes(source, out)
     np.testing.assert_array_equal(mujoco.MjModel.from_xml_path(str(out)).key_qpos, [exam.pose.qpos])
     assert drift(source, 0.5) > 5e-3
-    assert drift(out, 0.5, key=0) == pytest.approx(fix.after.drift, rel=1e-9)
+    assert drift(out, 0.5, key=0) == pytest.approx(fix.after.drift, rel=AGAIN)
 
 
 def test_bodies_that_collide_at_their_pin_are_excluded(tmp_path):
@@ -159,7 +165,7 @@ def test_bodies_that_collide_at_their_pin_are_excluded(tmp_path):
     exclude = '  <contact>\n    <exclude body1="coupler" body2="rocker"/>\n  </contact>\n'
     assert out.read_text() == text.replace("</mujoco>", exclude + "</mujoco>")
     assert drift(source, 0.5, key=0) > 5 * drift(out, 0.5, key=0)
-    assert fix.changes[0].without.drift == pytest.approx(drift(source, 0.5, key=0), rel=1e-9)
+    assert fix.changes[0].without.drift == pytest.approx(drift(source, 0.5, key=0), rel=AGAIN)
 
 
 def test_an_open_start_is_closed_though_softness_opens_more(tmp_path):
@@ -263,7 +269,7 @@ def test_the_command_writes_the_file_and_says_what_changed(oarlock_here):
     fix = json.loads(Path("out.json").read_text())["fix"]
     assert fix["reached"]
     assert fix["drift"] <= fix["target"] < fix["drift_before"]
-    assert fix["drift"] == pytest.approx(drift(Path("fixed.xml"), 2.0, key=0), rel=1e-9)
+    assert fix["drift"] == pytest.approx(drift(Path("fixed.xml"), 2.0, key=0), rel=AGAIN)
     assert set(fix["mended"]) >= {"D1", "S1"}
     again = oarlock_here("check", "fixed.xml", "--budget", "0", "--fail-above", fix["target"])
     assert again.returncode == 0, again.stderr
@@ -301,18 +307,21 @@ GALLERY = sorted(path.parent.name for path in MODELS.glob("*/model.xml"))
 )
 def test_a_fixed_file_is_what_it_says(source, tmp_path):
     """Contacts, limits and friction act. The target is held, or a sentence says why not."""
-    out = tmp_path / "fixed.xml"
-    fix, exam = fixed(source, out)
+    if source.parent == CHECKED:
+        shutil.copy(source, tmp_path)
+    else:
+        shutil.copytree(source.parent, tmp_path, dirs_exist_ok=True)
+    source, out = tmp_path / source.name, tmp_path / "fixed.xml"
+    fix, _ = fixed(source, out)
     assert fix.after.drift <= fix.target or fix.reason
-    assert not (fix.before.drift < fix.after.drift)
-    places = {out.name: source, **{path.name: source.parent / path.name[6:] for path in fix.written[:-1]}}
+    assert not fix.before.drift < fix.after.drift
     for path in fix.written:
-        before = places[path.name]
-        text = before.read_bytes().decode()
-        for name, other in places.items():  # as seen from another folder, which the tests of relocation look at
-            text = text.replace(f'"{other.name}"', f'"{name}"')
-        if before.parent == out.parent or not re.search(r'\bfile="|meshdir', text):
-            assert_only_fixes(before, path)
+        before = source if path == out else tmp_path / path.name.removeprefix("fixed-")
+        assert_only_fixes(before, path, [one.name for one in fix.written])
+    model = mujoco.MjModel.from_xml_path(str(out))
+    if not model.nu:
+        key = 0 if model.nkey else None
+        assert drift(out, 2.0, key) == pytest.approx(fix.after.drift, rel=AGAIN, abs=1e-15)
     # Its own check, as a user would run it.
     again = oarlock.check(out, budget=0, **({"keyframe": "closed"} if "'closed'" in fix.begins else {}))
     found = {one.code for one in again.verdict if one.severity != "note"}
@@ -320,6 +329,6 @@ def test_a_fixed_file_is_what_it_says(source, tmp_path):
     assert fix.reason or not found & {"S1", "C4", "D1", "D2", "D3", "D4", "D6"}
     assert (
         max((one.largest for one in again.examination.drifts if one.level == "position"), default=0.0)
-        <= max(CLOSED, 2.0 * fix.after.drift, exam.options.target)
+        <= 2.0 * max(fix.after.drift, fix.target)  # a distance of three rows
         or fix.elsewhere_reason
     )

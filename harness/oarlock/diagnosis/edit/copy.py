@@ -1,5 +1,7 @@
 """A changed copy of a model: the author's text with the changes, and proof that nothing else is another one."""
 
+import glob
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -44,6 +46,7 @@ def write_changed(source: Path, out: Path, changes: Sequence[Change]) -> list[Pa
     taken: dict[str, object] = {out.name: document.main}
     if folder is not None:
         files = [file for one in editors for file in one.files]
+        taken |= {name: None for name in _of_others(out, folder)}
         taken |= {file.path.name: file for file in files if file.here.resolve() == folder.resolve()}
     texts = Relocation(editors[document], folder, out.name, out.stem, editors, taken).texts()
     main = texts.pop(out.name)
@@ -61,6 +64,19 @@ def write_changed(source: Path, out: Path, changes: Sequence[Change]) -> list[Pa
                 path.unlink() if text is None else path.write_bytes(text)
         raise
     return [*beside, out]
+
+
+def _of_others(out: Path, folder: Path) -> set[str]:
+    """Names that a copy beside ``out`` would have, of files that no earlier ``out`` there leads to."""
+    there = {path.name: path for path in folder.glob(f"{glob.escape(out.stem)}-*")}
+    left, own = [out], set[str]()
+    while left:
+        path = left.pop()
+        text = path.read_bytes() if path.is_file() else b""
+        led = {name for name in there.keys() - own if re.search(rb"[\"']" + re.escape(name.encode()) + rb"[\"']", text)}
+        own |= led
+        left += [there[name] for name in led]
+    return there.keys() - own
 
 
 def require_room(source: Path, change: Change) -> None:
