@@ -22,7 +22,8 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
     said = (
         f"joint {quoted(one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead "
         f"point there{turns}; MuJoCo goes on beyond it at t = {one.time_s:.4g} s, tears '{one.equality}' open by "
-        f"{one.torn} and moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not have"
+        f"{one.torn} and moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not "
+        "have"
     )
     yield found(
         "U4",
