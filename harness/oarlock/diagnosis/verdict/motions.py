@@ -1,7 +1,7 @@
 """From what a run does to findings: dead points, branches, steps that are too long, what lasts, starved solvers."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from oarlock.base.numbers import percent
 from oarlock.base.text import quoted
@@ -16,7 +16,7 @@ from oarlock.diagnosis.verdict.findings import Finding, found
 def dead_point(exam: Examination) -> Iterator[Finding]:
     """U4: a joint that MuJoCo's run takes beyond what its loops admit."""
     one = exam.dead_point
-    if one is None:
+    if one is None or doubtful(exam, one.equalities):
         return
     turns = "" if one.turns_s is None else f" and turns back, as the exact motion does at t = {one.turns_s:.4g} s"
     said = (
@@ -37,6 +37,12 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
         torn=one.torn.largest,
         also=[name for name in one.equalities if name != one.equality],
     )
+
+
+def doubtful(exam: Examination, equalities: Iterable[str]) -> bool:
+    """Whether the rank of their loops hangs on a small number (L8): what they then admit is an accident of the file."""
+    named = {name for one in exam.remarks.get("doubtful", []) for name in (one.element, *one.figures.get("also", ()))}
+    return not named.isdisjoint(equalities)
 
 
 def _coordinate(value: float, unit: str) -> str:
