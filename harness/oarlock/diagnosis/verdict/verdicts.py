@@ -5,7 +5,6 @@ a run shows, in ``blame``.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -21,7 +20,7 @@ from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
-from oarlock.diagnosis.verdict.cost import cost
+from oarlock.diagnosis.verdict.cost import priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.names import element_name
 from oarlock.stepping.closing import CONSISTENT
@@ -65,7 +64,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
     findings = [finding for part in parts for finding in merged(_unsaid(examination, part(examination)))]
     if fail_above is not None:
         findings += blame.above(examination, fail_above)
-    return worst_first(replace(one, cost=cost(examination, one)) for one in findings)
+    return worst_first(priced(examination, findings))
 
 
 # What is seen without a run.
@@ -184,7 +183,8 @@ def _start(exam: Examination) -> Iterator[Finding]:
             frees = [f"it would move without {' or '.join(quoted(name) for name in one.frees)}"] if one.frees else []
             said = "; ".join(["closed, and nothing of its loop can move", *tilts, *frees])
             severity = blame.lock(exam, one)
-            yield found("S3", file, said, element=one.equalities[0], severity=severity, dof=one.dof, kept=one.kept)
+            figures = {"also": list(one.equalities[1:]), "dof": one.dof, "kept": one.kept}
+            yield found("S3", file, said, element=one.equalities[0], severity=severity, **figures)
     if not pose.consistent:
         yield _inconsistent(exam, pose)
 
