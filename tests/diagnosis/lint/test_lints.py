@@ -21,6 +21,7 @@ SEEN = {
     "welded_pin.xml": {"L10"},
     "drawn_apart.xml": {"S5", "S6"},
     "stiff_servo.xml": {"A1"},
+    "starved_rods.xml": {"A1"},
     "wrong_units.xml": {"A2"},
     "ringing.xml": {"T6", "L11", "L12"},
 }

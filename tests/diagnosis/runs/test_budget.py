@@ -92,7 +92,7 @@ def test_what_is_not_paid_for_is_not_decided(runs, trials, outcome, said):
 
 def test_one_budget_gives_one_answer_whatever_the_clock_says(monkeypatch):
     names = ("contacts.xml", "diverges.xml", "tilted_hinge.xml", "gripper_2f/gripper_2f.xml")
-    wishes = (CheckOptions(duration=0.1), CheckOptions(duration=0.1, budget=0.03, target=1e-9))
+    wishes = (CheckOptions(duration=0.1, target=1e-6), CheckOptions(duration=0.1, budget=0.03, target=1e-9))
     asked = list(itertools.product(names, wishes))
     first = [told(CHECK / name, wish)[:2] for name, wish in asked]
     moody = random.Random(3)
@@ -151,7 +151,7 @@ def test_what_is_decided_stays_so_if_the_clock_ends_the_search_for_less_loss(mon
 
 
 def test_a_search_that_was_cut_short_is_a_finding_of_its_own(monkeypatch):
-    wish = CheckOptions(duration=0.2, budget=0.001)
+    wish = CheckOptions(duration=0.2, budget=0.001, target=1e-6)
     whole, page, found = told(CHECK / "contacts.xml", wish)
     (one,) = [one for one in judge(found) if one.code in ("T1", "T3", "T5")]
     assert (one.code, one.name, one.severity) == ("T5", "undecided", "note")
