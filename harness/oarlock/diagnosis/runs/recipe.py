@@ -249,7 +249,7 @@ class _Search:
         return within and len(verified) == len(starts)
 
     def _conserving(self, chosen: Trial) -> Trial | None:
-        if chosen.setting.integrator == CONSERVING or chosen.energy_error <= LOST * chosen.kinetic_energy:
+        if chosen.setting.integrator == CONSERVING or not chosen.energy_error > LOST * chosen.kinetic_energy:
             return None
         timestep = float(self._model.opt.timestep)
         if not any(trial.setting.integrator == CONSERVING for trial in self._own_trials()):
