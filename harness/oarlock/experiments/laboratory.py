@@ -82,7 +82,7 @@ class Laboratory:
         Raises:
             InputError: as ``run``; what comes before is given out first.
         """
-        if threads == 1 or self._on_python():
+        if threads == 1 or self._on_python() or self._moved(tasks):
             for task in tasks:
                 yield from self.run(task)
             return
@@ -131,6 +131,10 @@ class Laboratory:
         if refusal:
             warnings.warn(f"stepping in Python, which is slower: {refusal}", stacklevel=2)
         return bool(refusal)
+
+    def _moved(self, tasks: list[Task]) -> bool:
+        """Whether the tasks, which have one drive, are not for threads: MuJoCo's hook for controls is the process's."""
+        return any(self._refused(self._shared(task.integrator, task.settings)) for task in tasks[:1])
 
     def _refused(self, setup: PreparedCase) -> bool:
         """Whether what is set up can be stepped on the Python path alone."""

@@ -42,7 +42,7 @@ def mocap_parts(model: mujoco.MjModel) -> list[str]:
     return [f"{MOCAP}{name}.{part}" for name in mocap_bodies(model) for part in PARTS]
 
 
-def require_part(model: mujoco.MjModel, name: str) -> tuple[str, str]:
+def require_part(model: mujoco.MjModel, name: str) -> tuple[str, MocapPart]:
     """The body and the part that ``mocap:BODY.PART`` names.
 
     Raises:

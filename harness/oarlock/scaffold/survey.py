@@ -13,13 +13,16 @@ import numpy as np
 
 from oarlock.base.errors import RefusedError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, RunDefaults, Start
+from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, MocapPart, RunDefaults, Start
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.integrators import INTEGRATORS, IntegratorName
 from oarlock.cases.motion import NO_KEYFRAME, RULE, Motion
+from oarlock.mechanics import controls
 from oarlock.mechanics.controls import Laws
+from oarlock.mechanics.drive import ACTIVE
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
+from oarlock.mechanics.mocap import require_part
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of, prepare
 from oarlock.stepping.beginning import KEYFRAME, Beginning, beginning_of_file, own_integrator
@@ -86,6 +89,23 @@ class Survey:
     def own_integrator(self) -> str:
         """The one that the model asks for."""
         return integrator_of(self.model).name
+
+    @property
+    def drive(self) -> Drive:
+        """The controls as a case has them."""
+        ctrl: dict[str, str] = {}
+        active: dict[str, str] = {}
+        mocap: dict[str, dict[MocapPart, str]] = {}
+        actuators = controls.actuators(self.model)
+        for name, law in self.controls.items():
+            if name in actuators:
+                ctrl[name] = law
+            elif name.startswith(ACTIVE):
+                active[name.removeprefix(ACTIVE)] = law
+            else:
+                body, part = require_part(self.model, name)
+                mocap.setdefault(body, {})[part] = law
+        return Drive(ctrl=ctrl, active=active, mocap=mocap, held=self.held and bool(ctrl))
 
     @property
     def held(self) -> bool:
@@ -185,7 +205,7 @@ def _draft(name: str, path: Path, found: Survey, timestep_s: float) -> Case:
         title=name,
         run=RunDefaults(timestep_s=timestep_s, integrator=found.integrator, ignore_inequalities=found.ignoring),
         start=found.written,
-        drive=Drive(ctrl=dict(found.controls), held=found.held),
+        drive=found.drive,
         baumgarte=found.baumgarte,
     )
     return Case(name, path, file)

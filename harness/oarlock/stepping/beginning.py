@@ -27,6 +27,9 @@ from oarlock.mechanics.prepare import integrator_of
 KEYFRAME = "start"
 """Name of the keyframe that a case begins from, if it names none and the model has it."""
 
+MOVED = "mocap bodies move, which is stepped in Python and conserves no energy"
+"""What a run says then."""
+
 UNIT = 1e-3
 """Largest deviation of a quaternion's norm from 1, as one of three digits has; more is a mistake, not rounding."""
 
@@ -52,7 +55,8 @@ class Beginning:
     driven: str
 
     def __str__(self) -> str:
-        return f"from {self.begins}; {self.driven}"
+        moved = f"; {MOVED}" if controls.moves_mocaps(self.laws) else ""
+        return f"from {self.begins}; {self.driven}{moved}"
 
 
 def beginning_of_file(model: mujoco.MjModel, asked: Motion = RULE) -> Beginning:
