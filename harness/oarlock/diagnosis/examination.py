@@ -162,7 +162,7 @@ class Examination:
 
     @property
     def moved(self) -> bool:
-        """Whether mocap bodies are moved: then no pose but the start's is closed without the time that it belongs to."""
+        """Whether mocap bodies are moved: then a pose is closed at the time that it belongs to alone."""
         return controls.moves_mocaps(self.laws)
 
     @property

@@ -128,8 +128,7 @@ def columns(model: mujoco.MjModel) -> list[str]:
 
 
 def place_mocaps(model: mujoco.MjModel, laws: Laws) -> None:
-    """Moves the mocap bodies of a model to where its laws have them at the start: every data that is made of it then
-    has them there.
+    """Moves the mocap bodies of a model to where its laws have them at the start, for every data that is made of it.
 
     Raises:
         InputError: a mocap body or a part of its pose that there is not, or a law that has no finite value there.

@@ -1,8 +1,8 @@
 """Mocap bodies that move: poses as laws of time or a log's, as a program writes ``data.mocap_pos`` and ``mocap_quat``.
 
 Parts of a pose have names: ``x``, ``y``, ``z``, m, in the world; of the orientation either ``qw``, ``qx``, ``qy``,
-``qz``, a quaternion of any length > 0, or ``rx``, ``ry``, ``rz``, rad: axis times angle of the rotation, in the world. What
-is left out of a position stays as the model has it; of an orientation it is 0, where another part of it is given.
+``qz``, a quaternion of any length > 0, or ``rx``, ``ry``, ``rz``, rad: axis times angle of the rotation, in the world.
+What is left out of a position stays as the model has it; of an orientation it is 0, where another part of it is given.
 """
 
 import math
@@ -14,7 +14,6 @@ import numpy as np
 
 from oarlock.base.core import TimeLaw
 from oarlock.base.errors import InputError, RefusedError, choose
-from oarlock.base.vectors import dot
 from oarlock.cases.case_file import MocapPart
 from oarlock.mechanics.names import element_name, equalities
 
@@ -84,7 +83,9 @@ class MocapLaw:
         turned = [[part for part in parts if part in laws] for parts in (QUATERNION, ROTATION)]
         if all(turned):
             first, second = (f"'{MOCAP}{name}.{parts[0]}'" for parts in turned)
-            raise InputError(f"both {first} and {second} turn the mocap body '{name}', expected qw qx qy qz or rx ry rz")
+            raise InputError(
+                f"both {first} and {second} turn the mocap body '{name}', expected qw qx qy qz or rx ry rz"
+            )
         self._quaternion, self._rotation = map(bool, turned)
 
     @property
@@ -99,7 +100,9 @@ class MocapLaw:
             RefusedError: a law has no finite value there, or the quaternion no direction.
         """
         position, quaternion = self._own
-        position = np.array([self._value(part, time, own) for part, own in zip(POSITION, position.tolist(), strict=True)])
+        position = np.array(
+            [self._value(part, time, own) for part, own in zip(POSITION, position.tolist(), strict=True)]
+        )
         if self._quaternion:
             quaternion = np.array([self._value(part, time) for part in QUATERNION])
             length = float(np.linalg.norm(quaternion))
@@ -109,10 +112,10 @@ class MocapLaw:
                     "expected 1"
                 )
         elif self._rotation:
-            vector = [self._value(part, time) for part in ROTATION]
-            angle, quaternion = math.sqrt(dot(tuple(vector), tuple(vector))), np.array([1.0, 0.0, 0.0, 0.0])
+            vector = np.array([self._value(part, time) for part in ROTATION])
+            angle, quaternion = float(np.linalg.norm(vector)), np.array([1.0, 0.0, 0.0, 0.0])
             if angle > 0.0:
-                mujoco.mju_axisAngle2Quat(quaternion, np.array(vector) / angle, angle)
+                mujoco.mju_axisAngle2Quat(quaternion, vector / angle, angle)
         return position, quaternion
 
     def along(self, time: float, began: float) -> Pose:
@@ -136,8 +139,8 @@ class MocapLaw:
             return own
         value = self._laws[part].at(time)
         if not math.isfinite(value):
-            law = self._laws[part]
-            raise RefusedError(f"{MOCAP}{self.name}.{part} = {law!r} is {value} at t = {time:g} s, expected a finite one")
+            named = f"{MOCAP}{self.name}.{part} = {self._laws[part]!r}"
+            raise RefusedError(f"{named} is {value} at t = {time:g} s, expected a finite number")
         return value
 
 
@@ -151,7 +154,9 @@ def moved_equalities(model: mujoco.MjModel, moved: Iterable[int]) -> tuple[int, 
     def moves(tendon: int) -> bool:
         path = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
         return any(
-            bool(by_wrap[kind][model.wrap_objid[wrap]]) for wrap in path if (kind := kinds(model.wrap_type[wrap])) in by_wrap
+            bool(by_wrap[kind][model.wrap_objid[wrap]])
+            for wrap in path
+            if (kind := kinds(model.wrap_type[wrap])) in by_wrap
         )
 
     found = []

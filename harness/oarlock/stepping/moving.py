@@ -42,8 +42,8 @@ class Moving:
             if body in bodies:
                 name = element_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
                 self.refusal = (
-                    f"joint '{name}' hangs on the mocap body '{bodies[body]}', and MuJoCo's inertial forces leave out how "
-                    "that moves: no exact solution, expected an equality in place of the joint"
+                    f"joint '{name}' hangs on the mocap body '{bodies[body]}', and MuJoCo's inertial forces leave out "
+                    "how that moves: no exact solution, expected an equality in place of the joint"
                 )
         self._rows_of = np.array(moved_equalities(model, bodies), int)
         self._scratch = mujoco.MjData(model)
@@ -88,7 +88,11 @@ class Moving:
         found = np.zeros((len(_AT), data.ne))
         if not moved.any():
             return found
-        scratch.eq_active[:], scratch.mocap_pos[:], scratch.mocap_quat[:] = data.eq_active, data.mocap_pos, data.mocap_quat
+        scratch.eq_active[:], scratch.mocap_pos[:], scratch.mocap_quat[:] = (
+            data.eq_active,
+            data.mocap_pos,
+            data.mocap_quat,
+        )
         for place, part in enumerate(_AT):
             scratch.qpos[:] = data.qpos
             if moves:
@@ -108,4 +112,3 @@ class Moving:
     def _write(self, data: mujoco.MjData, time: float) -> None:
         for law in self._drive.mocaps:
             data.mocap_pos[law.mocap], data.mocap_quat[law.mocap] = law.along(time, self._began)
-

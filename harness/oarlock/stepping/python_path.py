@@ -314,9 +314,7 @@ class Lockstep:
             self._projector = Projector(model, solver=projector, left=prepared.left, moving=moving)
         self.walker: Walker = MujocoWalker(model, data, prepared.drive)
         if self._force is not None:
-            self.walker = ForcedWalker(
-                model, data, prepared.drive, self._force, self._projector, moving, follows=True
-            )
+            self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector, moving, follows=True)
         self._asked = [(Question(self._state, form), solvers) for form, solvers in asked]
 
     def begin(self, step: int) -> list[Row]:

@@ -69,7 +69,8 @@ def carried(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, drive: Dr
 
     Args:
         model: the model.
-        qpos: a closed pose, (nq); ``qvel``: velocities there, (nv).
+        qpos: a closed pose, (nq).
+        qvel: velocities there, (nv).
         drive: what moves.
     """
     data = mujoco.MjData(model)

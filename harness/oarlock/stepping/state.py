@@ -14,7 +14,8 @@ from oarlock.stepping.moving import Moving
 class State:
     """J and the constraint rows of a state whose smooth stages are done.
 
-    ``read`` refreshes the fields. All but ``curvature`` (and ``rate`` beside what moves) are views of MuJoCo's arrays, which hold until the next stage.
+    ``read`` refreshes the fields. All but ``curvature``, and ``rate`` where something moves, are views of MuJoCo's
+    arrays, which hold until the next stage.
 
     Attributes:
         model: the model.
@@ -27,9 +28,7 @@ class State:
         others: rows of limits, friction loss and contacts; None if there are none.
     """
 
-    def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, baumgarte: Baumgarte, moving: Moving | None = None
-    ):
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, baumgarte: Baumgarte, moving: Moving | None = None):
         self.model, self.data, self.moving = model, data, moving
         self._curvature = Curvature(model, data)
         self._beta2, self._k = 2.0 * baumgarte.beta, baumgarte.k
