@@ -93,19 +93,7 @@ class Survey:
     @property
     def drive(self) -> Drive:
         """The controls as a case has them."""
-        ctrl: dict[str, str] = {}
-        active: dict[str, str] = {}
-        mocap: dict[str, dict[MocapPart, str]] = {}
-        actuators = controls.actuators(self.model)
-        for name, law in self.controls.items():
-            if name in actuators:
-                ctrl[name] = law
-            elif name.startswith(ACTIVE):
-                active[name.removeprefix(ACTIVE)] = law
-            else:
-                body, part = require_part(self.model, name)
-                mocap.setdefault(body, {})[part] = law
-        return Drive(ctrl=ctrl, active=active, mocap=mocap, held=self.held and bool(ctrl))
+        return _drive(self.model, self.controls, self.held)
 
     @property
     def held(self) -> bool:
@@ -164,6 +152,23 @@ def longest(timestep_s: float, steps: int) -> float:
     return min(LONGEST_S, nice(steps * timestep_s))
 
 
+def _drive(model: mujoco.MjModel, laws: Laws, held: bool) -> Drive:
+    """Such laws as a case has them."""
+    ctrl: dict[str, str] = {}
+    active: dict[str, str] = {}
+    mocap: dict[str, dict[MocapPart, str]] = {}
+    actuators = controls.actuators(model)
+    for name, law in laws.items():
+        if name in actuators:
+            ctrl[name] = law
+        elif name.startswith(ACTIVE):
+            active[name.removeprefix(ACTIVE)] = law
+        else:
+            body, part = require_part(model, name)
+            mocap.setdefault(body, {})[part] = law
+    return Drive(ctrl=ctrl, active=active, mocap=mocap, held=held and bool(ctrl))
+
+
 # The start.
 
 
@@ -171,7 +176,8 @@ def _start(name: str, path: Path, begins: Beginning, model: mujoco.MjModel) -> t
     """The start that a case has to give, and what it is once it is closed."""
     keys = [element_name(model, mujoco.mjtObj.mjOBJ_KEY, key) for key in range(model.nkey)]
     given = keys[begins.key] if begins.key is not None else NO_KEYFRAME if KEYFRAME in keys else None
-    case = Case(name, path, CaseFile(title=name, start=Start(keyframe=given)))
+    drive = _drive(model, begins.laws, begins.laws.held)
+    case = Case(name, path, CaseFile(title=name, start=Start(keyframe=given), drive=drive))
     loops = prepare(load_model(path), integrator="rk4")
     ignore_inequalities(loops)
     start = consistent_start(loops, case)
