@@ -5,7 +5,7 @@ Everything is computed or measured, with the reason in words beside it.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
@@ -25,7 +25,9 @@ from oarlock.mechanics.load import load_model
 from oarlock.mechanics.mocap import require_part
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of, prepare
-from oarlock.stepping.beginning import KEYFRAME, Beginning, beginning_of_file, own_integrator
+from oarlock.poses.nearest import driven_joints, nearest_kept
+from oarlock.stepping.beginning import KEYFRAME, Beginning, beginning_of_case, beginning_of_file, own_integrator
+from oarlock.stepping.closing import CONSISTENT, require_rows
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.projection import TRACKED
@@ -180,10 +182,27 @@ def _start(name: str, path: Path, begins: Beginning, model: mujoco.MjModel) -> t
     case = Case(name, path, CaseFile(title=name, start=Start(keyframe=given), drive=drive))
     loops = prepare(load_model(path), integrator="rk4")
     ignore_inequalities(loops)
-    start = consistent_start(loops, case)
+    own = beginning_of_case(loops, case)
+    start = consistent_start(loops, case, begins=replace(own, qpos=_nearest(model, begins)))
+    moved = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, moved, 1.0, own.qpos, start.qpos)
+    start = replace(start, moved=float(np.abs(moved).max()))
     if start.moved <= AS_IT_STANDS:
         return case.file.start, start
     return _by_name(model, given, start.qpos, start.qvel), start
+
+
+def _nearest(model: mujoco.MjModel, begins: Beginning) -> np.ndarray:
+    """The closed pose (nq) nearest to a start, with driven joints held and ranges kept where they can be.
+
+    Where there is none, or nothing is open, the start itself.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = begins.qpos
+    controls.drive(model, begins.laws).apply(data)
+    require_rows(model, data)
+    found, _ = nearest_kept(model, begins.qpos, data, held=driven_joints(model), tolerance=CONSISTENT)
+    return begins.qpos if found is None else found.qpos
 
 
 def _by_name(model: mujoco.MjModel, keyframe: str | None, qpos: np.ndarray, qvel: np.ndarray) -> Start:

@@ -17,11 +17,11 @@ import numpy as np
 from oarlock.base.numbers import figure
 from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.loops.assembly import anchors
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
+from oarlock.poses.assembly import anchors
 from oarlock.render.charts import VIEW
 
 FRAMES = 140

@@ -12,7 +12,6 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.beside import Beside, find_beside
 from oarlock.diagnosis.runs.pushes import Push, Pushes
 from oarlock.diagnosis.runs.walking import (
@@ -30,6 +29,7 @@ from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.poses.layout import Layout, RowColumns
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import SolverSpec
 from oarlock.stepping.state import State

@@ -8,7 +8,6 @@ import numpy as np
 
 from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
 from oarlock.mechanics.controls import drive
@@ -17,6 +16,7 @@ from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import equalities
 from oarlock.mechanics.prepare import integrator_of, set_integrator
+from oarlock.poses.layout import Layout, Row, RowColumns
 from oarlock.stepping.closing import close
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
