@@ -244,3 +244,23 @@ MATCHED_ACCELERATION = 1e-8
 
 SOLVED_BY_MUJOCO = 1e-12
 """Relative. Gradient of an answer of MuJoCo's at rounding: its own stiffness, 1e4, times ε."""
+
+# Mocap bodies that move.
+
+DIFFERENCED_RATE = 1e-10
+"""m/s or rad/s, or relative. ∂r/∂t from five poses 1 ms apart: 1e-16 of rounding over that, 2e-11 for a weld that turns
+(measured)."""
+
+UNPROJECTED_SECOND = 1e-9
+"""m or rad. r̈ from such differences, 1e-9 m/s² off at random, integrated for a second, and Runge–Kutta's own error at
+2 ms: 2e-11 (measured); a term left out makes 1e-2."""
+
+SAME_MOTION = 1e-8
+"""m or rad. Runge–Kutta's own error at 2 ms over half a second, of two ways to one motion."""
+
+BODY_FORCE = 1e-7
+"""N. 0.8 kg times what differences leave of an acceleration, 1e-9 m/s², and of its sixth derivative."""
+
+HALF_OF_A_STEP = 1e-3
+"""m or rad. A log goes straight between its rows, 2 ms apart: h²/8 of 4 m/s² is 2e-6, and its velocities are half a
+step late, which moves what hangs freely below the tray."""

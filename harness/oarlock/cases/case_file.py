@@ -33,6 +33,9 @@ Form = Literal["matched", "hard"]
 ModeName = Literal["calibration", "lockstep", "one-step", "free"]
 Stabilisation = Literal["baumgarte", "projection", "both"]
 
+MocapPart = Literal["x", "y", "z", "qw", "qx", "qy", "qz", "rx", "ry", "rz"]
+"""Of a pose: its position, m; a quaternion; or a rotation vector, rad."""
+
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Count = Annotated[int, Field(ge=0, strict=True)]
@@ -87,6 +90,8 @@ class Drive(_Table):
         ctrl: name of an actuator → expression of the time t (s) and the constants.
         active: name of an equality → expression of t and the constants; it is active while that is positive, and
             switched between steps.
+        mocap: name of a mocap body → parts of its pose, as of ``MocapPart``, each an expression of t and the
+            constants; it is moved before a step and held over it.
         held: whether controls are set before a step and held over it, as a program does that calls ``mj_step``; else
             they follow their laws at every stage of the integrator.
     """
@@ -94,6 +99,7 @@ class Drive(_Table):
     constants: dict[str, Finite | str] = {}
     ctrl: dict[str, str] = {}
     active: dict[str, str] = {}
+    mocap: dict[str, dict[MocapPart, str]] = {}
     held: Annotated[bool, Field(strict=True)] = False
 
     def values(self) -> dict[str, float]:
@@ -116,14 +122,21 @@ class Drive(_Table):
         return known
 
     def laws(self) -> dict[str, TimeLaw]:
-        """Parses the laws: name of an actuator, or of an equality after ``active:`` → its law.
+        """Parses the laws, name → law as of ``sources``.
 
         Raises:
             InputError: a law does not parse or names something unknown.
         """
         constants = self.values()
-        everything = {**self.ctrl, **{f"active:{name}": law for name, law in self.active.items()}}
-        return {name: TimeLaw(source, constants) for name, source in everything.items()}
+        return {name: TimeLaw(source, constants) for name, source in self.sources().items()}
+
+    def sources(self) -> dict[str, str]:
+        """Name of an actuator, of an equality after ``active:`` or of a part of a pose after ``mocap:`` → its law."""
+        return {
+            **self.ctrl,
+            **{f"active:{name}": law for name, law in self.active.items()},
+            **{f"mocap:{name}.{part}": law for name, parts in self.mocap.items() for part, law in parts.items()},
+        }
 
     @model_validator(mode="after")
     def _parse(self) -> "Drive":

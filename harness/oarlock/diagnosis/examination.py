@@ -36,6 +36,7 @@ from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
 from oarlock.diagnosis.runs.without import Without, find_without
+from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
@@ -43,7 +44,7 @@ from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import load_mechanism, set_integrator
 from oarlock.stepping.beginning import Beginning, beginning_of_case, beginning_of_file
 from oarlock.stepping.closing import CONSISTENT
-from oarlock.stepping.start import consistent_start
+from oarlock.stepping.start import carried, consistent_start
 
 DURATION_S = 2.0
 """Of the run, unless it is asked for or a case says otherwise."""
@@ -56,6 +57,15 @@ MOST_STEPS = 1_000_000
 
 POSES = 60
 """So many poses of the motion at most are looked at for unique reactions."""
+
+MOVED = "it is not looked for where a mocap body moves"
+"""Why a part is missing: what it is measured by takes a closed pose for closed at any time."""
+
+LAGS = (
+    f"{MOVED}. MuJoCo's rows take that body for standing still, so that one lags by its damping over its stiffness, "
+    "2 timeconst dampratio² for a solref of positive numbers, times the body's speed"
+)
+"""Why there are no causes, and what is known all the same: 0 = −b J v − k d r."""
 
 PARTS = ("loops", "start", "run", "causes", "remedy", "forces")
 """What is looked at, in this order."""
@@ -151,6 +161,11 @@ class Examination:
         return self.options.target or usual_target(self.size)
 
     @property
+    def moved(self) -> bool:
+        """Whether mocap bodies are moved: then a pose is closed at the time that it belongs to alone."""
+        return controls.moves_mocaps(self.laws)
+
+    @property
     def closed(self) -> bool:
         """Whether there is a closed start to run the exact solution from."""
         return self.pose is not None and self.pose.closed
@@ -241,6 +256,9 @@ def examine(found: Examination) -> Iterator[str]:
         return
     found.pose = nearest_closed(found.model, found.qpos, found.qvel, data, hold=found.options.hold)
     found.size = extent(found.model, found.pose.loops, data)
+    if found.moved and found.pose.closed:
+        driven = controls.drive(found.model, found.laws)
+        found.pose = replace(found.pose, qvel=carried(found.model, found.pose.qpos, found.qvel, driven))
     _lint(found)
     yield "loops"
     found.settings = stability(found.model)
@@ -296,7 +314,7 @@ def _run(found: Examination) -> None:
             if end.how == "diverged":  # what it showed before proves nothing
                 found.exact = None
                 found.missing["exact"] = f"it diverged at t = {end.time_s:.6g} s: {end.message}"
-            else:
+            elif not found.moved:
                 found.fight = find_fight(found.model, found.exact)
         data = _data(found)
         data.qpos[:] = found.pose.qpos
@@ -309,7 +327,7 @@ def _run(found: Examination) -> None:
             _collisions(found)
         found.lags = find_lags(found.recording, VISIBLE)
         found.pace = find_pace(found.recording, found.exact)
-        if found.closed and found.recording.steps:
+        if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
             found.dead_point = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
 
@@ -332,6 +350,9 @@ def _exact_model(found: Examination) -> mujoco.MjModel:
 
 def _causes(found: Examination) -> None:
     if found.recording is None or not found.recording.steps:
+        return
+    if found.moved:
+        found.missing["causes"] = LAGS
         return
     with _Reason(found, "causes"):
         attribution = attribute(found.recording)
@@ -376,6 +397,11 @@ def _remedy(found: Examination) -> None:
 def _forces(found: Examination) -> None:
     assert found.pose is not None
     data = _data(found)
+    if found.moved:
+        found.missing |= dict.fromkeys(("rank", "forces"), MOVED)
+        with _Reason(found, "reactions"):
+            found.reactions = find_uniqueness(found.model, None, data)
+        return
     path, times = _motion(found)
     with _Reason(found, "rank"):
         if len(path) > 1 and found.closed:

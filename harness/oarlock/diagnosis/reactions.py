@@ -9,12 +9,12 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.case_file import Reactions as Verdict
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.directions import Directions
 from oarlock.diagnosis.loops.uniqueness import find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Series, wrenches
 from oarlock.diagnosis.runs.beside import find_beside
 from oarlock.mechanics.inequalities import IGNORED
+from oarlock.poses.assembly import Assembly
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 from oarlock.stepping.state import State

@@ -82,7 +82,7 @@ class Laboratory:
         Raises:
             InputError: as ``run``; what comes before is given out first.
         """
-        if threads == 1 or self._on_python():
+        if threads == 1 or self._on_python() or self._moved(tasks):
             for task in tasks:
                 yield from self.run(task)
             return
@@ -132,9 +132,20 @@ class Laboratory:
             warnings.warn(f"stepping in Python, which is slower: {refusal}", stacklevel=2)
         return bool(refusal)
 
+    def _moved(self, tasks: list[Task]) -> bool:
+        """Whether the tasks, which have one drive, are not for threads: MuJoCo's hook for controls is the process's."""
+        return any(self._refused(self._shared(task.integrator, task.settings)) for task in tasks[:1])
+
+    def _refused(self, setup: PreparedCase) -> bool:
+        """Whether what is set up can be stepped on the Python path alone."""
+        refusal = native_path.refusal_of(setup)
+        if refusal and self._stepping == "native":
+            raise InputError(f"no native stepping: {refusal}")
+        return bool(refusal)
+
     def _path(self, task: Task, setup: PreparedCase) -> SteppingPath:
         terms = Baumgarte() if task.held_by == "projection" else self.case.file.baumgarte
-        kind = PythonPath if self._on_python() else NativePath
+        kind = PythonPath if self._on_python() or self._refused(setup) else NativePath
         return kind(setup, terms, self._make, self._tick, self._spools)
 
     def _make(self, spec: SolverSpec) -> MultiplierSolver:

@@ -11,6 +11,7 @@ from oarlock.base.errors import InputError, choose
 from oarlock.cases import case_file
 from oarlock.cases.motion import KINDS, NO_KEYFRAME, Kind
 from oarlock.mechanics.drive import ACTIVE, Drive
+from oarlock.mechanics.mocap import MOCAP, mocap_parts, require_part
 from oarlock.mechanics.names import element_name
 
 FREQUENCIES_HZ = (0.3, 3.0)
@@ -20,6 +21,10 @@ SINES = 3
 """Sines of one random control."""
 
 _ACTUATOR = mujoco.mjtObj.mjOBJ_ACTUATOR
+
+
+OTHERS = (ACTIVE, MOCAP)
+"""How names of laws begin that are no actuators'."""
 
 
 class Laws(dict[str, str]):
@@ -66,7 +71,7 @@ def laws(
 ) -> Laws:
     """Actuator → law of time for its control, held over a step; actuators that are not named here stay at 0.
 
-    An actuator without a name goes by its number, ``#3``.
+    An actuator without a name goes by its number, ``#3``. Laws of ``OTHERS`` may be among ``values``.
 
     Args:
         model: whose actuators they are.
@@ -89,12 +94,14 @@ def laws(
             raise InputError("the model has no keyframe to start from, expected one for controls of kind 'keyframe'")
         given = dict(zip(actuators(model), map(repr, model.key_ctrl[number].tolist()), strict=True))
     for name, value in (values or {}).items():
-        if not name.startswith(ACTIVE):
+        if name.startswith(MOCAP) and name not in actuators(model):
+            require_part(model, name)
+        elif not name.startswith(ACTIVE):
             choose("actuator", name, actuators(model))
         if not isinstance(value, str) and not np.isfinite(value):
             raise InputError(f"control of actuator '{name}' = {value}, expected a finite number")
         given[name] = value if isinstance(value, str) else repr(float(value))
-    zero = {name for name, law in given.items() if law in ("0.0", "-0.0") and not name.startswith(ACTIVE)}
+    zero = {name for name, law in given.items() if law in ("0.0", "-0.0") and not name.startswith(OTHERS)}
     return Laws({name: law for name, law in given.items() if name not in zero}, held=True)
 
 
@@ -105,8 +112,7 @@ def written_out(given: case_file.Drive, what: str = "actuator") -> Laws:
     def written(name: re.Match[str]) -> str:
         return f"({values[name[0]]!r})" if name[0] in values else name[0]
 
-    everything = {**given.ctrl, **{ACTIVE + name: law for name, law in given.active.items()}}
-    out = {name: re.sub(r"\b[A-Za-z_]\w*", written, law) for name, law in everything.items()}
+    out = {name: re.sub(r"\b[A-Za-z_]\w*", written, law) for name, law in given.sources().items()}
     return Laws(out, held=given.held, what=what)
 
 
@@ -114,6 +120,27 @@ def switches(model: mujoco.MjModel) -> list[str]:
     """What laws that switch equalities go by: their names, or ``#3``, after ``ACTIVE``."""
     names = [element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index) for index in range(model.neq)]
     return [ACTIVE + name for name in names]
+
+
+def columns(model: mujoco.MjModel) -> list[str]:
+    """What the columns of a log may be called, besides the time."""
+    return [*actuators(model), *switches(model), *mocap_parts(model)]
+
+
+def place_mocaps(model: mujoco.MjModel, laws: Laws) -> None:
+    """Moves the mocap bodies of a model to where its laws have them at the start, for every data that is made of it.
+
+    Raises:
+        InputError: a mocap body or a part of its pose that there is not, or a law that has no finite value there.
+    """
+    for law in drive(model, laws).mocaps if moves_mocaps(laws) else ():
+        model.body_pos[law.body], quaternion = law.at(0.0)
+        model.body_quat[law.body] = quaternion / np.linalg.norm(quaternion)
+
+
+def moves_mocaps(laws: Mapping[str, str]) -> bool:
+    """Whether one of the laws is that of a mocap body's pose."""
+    return any(name.startswith(MOCAP) for name in laws)
 
 
 def actuators(model: mujoco.MjModel) -> list[str]:
@@ -154,7 +181,7 @@ def drive(model: mujoco.MjModel, by_name: Mapping[str, str], parts: int = 1) -> 
         InputError: an actuator that the model does not have, or a law that does not parse.
     """
     given = by_name if isinstance(by_name, Laws) else Laws(by_name)
-    return Drive.of(model, given.parsed(), parts * float(model.opt.timestep), given.held, given.what)
+    return Drive.of(model, given.parsed(), parts * float(model.opt.timestep), given.held, given.what, given.logs)
 
 
 def _random(model: mujoco.MjModel, seed: int) -> dict[str, str]:

@@ -1,10 +1,11 @@
 """The drive of a model: controls as laws of time, evaluated at every stage of the integrator, or held over a step.
 
-And equalities that are switched on and off between steps, as a program does that writes ``data.eq_active``.
+And equalities that are switched on and off between steps, as a program does that writes ``data.eq_active``; and mocap
+bodies that it moves.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Self
 
@@ -13,6 +14,7 @@ import mujoco
 from oarlock.base.core import TimeLaw
 from oarlock.base.errors import RefusedError, choose
 from oarlock.cases.case import Case
+from oarlock.mechanics.mocap import MOCAP, MocapLaw, require_part
 from oarlock.mechanics.names import element_name
 
 OFF = 1e-3
@@ -28,11 +30,12 @@ class Drive:
     Attributes:
         laws: pairs of an actuator's number and its law.
         switches: pairs of an equality's number and its law.
-        step_s: s, of a whole step: equalities are switched at its multiples only.
+        mocaps: the poses of mocap bodies that are given.
+        step_s: s, of a whole step: equalities are switched and mocap bodies moved at its multiples only.
         held: whether controls change there only as well; else they follow their laws at every stage of the integrator.
 
     Raises:
-        InputError: the case names an actuator or an equality that the model does not have.
+        InputError: the case names an actuator, an equality or a mocap body that the model does not have.
     """
 
     def __init__(self, model: mujoco.MjModel, case: Case):
@@ -41,28 +44,60 @@ class Drive:
         self._take(model, given.laws(), float(model.opt.timestep), given.held, what)
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], step_s: float, held: bool, what: str) -> Self:
-        """A drive of laws by the names of actuators, which a message calls ``what``, and of equalities (``ACTIVE``).
+    def of(
+        cls,
+        model: mujoco.MjModel,
+        laws: Mapping[str, TimeLaw],
+        step_s: float,
+        held: bool,
+        what: str,
+        logs: Collection[str] = (),
+    ) -> Self:
+        """A drive of laws by name: of actuators, which a message calls ``what``, equalities and mocap bodies.
+
+        Args:
+            model: whose they are.
+            laws: those of equalities after ``ACTIVE``, those of parts of poses after ``MOCAP``.
+            step_s: as the attribute.
+            held: as the attribute.
+            what: see above.
+            logs: names of those that are a log's.
 
         Raises:
-            InputError: an actuator or an equality that the model does not have.
+            InputError: an actuator, an equality, a mocap body or a part of its pose that there is not.
         """
         drive = cls.__new__(cls)
-        drive._take(model, laws, step_s, held, what)
+        drive._take(model, laws, step_s, held, what, logs)
         return drive
 
-    def _take(self, model: mujoco.MjModel, laws: Mapping[str, TimeLaw], step_s: float, held: bool, what: str) -> None:
+    def _take(
+        self,
+        model: mujoco.MjModel,
+        laws: Mapping[str, TimeLaw],
+        step_s: float,
+        held: bool,
+        what: str,
+        logs: Collection[str] = (),
+    ) -> None:
         actuators = [element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index) for index in range(model.nu)]
         equalities = [element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index) for index in range(model.neq)]
         self.laws: list[tuple[int, TimeLaw]] = []
         self.switches: list[tuple[int, TimeLaw]] = []
+        poses: dict[str, dict[str, TimeLaw]] = {}
+        logged: set[str] = set()
         for name, law in laws.items():
             if name.startswith(ACTIVE) and name not in actuators:
                 equality = choose(f"equality after '{ACTIVE}'", name.removeprefix(ACTIVE), equalities)
                 self.switches.append((equalities.index(equality), law))
                 continue
+            if name.startswith(MOCAP) and name not in actuators:
+                body, part = require_part(model, name)
+                poses.setdefault(body, {})[part] = law
+                logged |= {body} if name in logs else set()
+                continue
             choose(what, name, actuators)
             self.laws.append((actuators.index(name), law))
+        self.mocaps = [MocapLaw(model, body, parts, step_s, body in logged) for body, parts in poses.items()]
         self.step_s, self.held = step_s, held
         self._model = model
 
@@ -72,13 +107,32 @@ class Drive:
         Raises:
             RefusedError: a law has no finite value at that time.
         """
-        if self.held or self.switches:
-            ticks = data.time / self.step_s
-            if abs(ticks - round(ticks)) <= OFF:
+        if self.between:
+            if self.begins_step(data.time):
                 self._switch(data)
+                self.move(data)
             elif self.held:
                 return
         self._write(data)
+
+    @property
+    def between(self) -> bool:
+        """Whether something is written between steps only."""
+        return bool(self.held or self.switches or self.mocaps)
+
+    def begins_step(self, time: float) -> bool:
+        """Whether a time, s, is one at which a whole step starts."""
+        ticks = time / self.step_s
+        return abs(ticks - round(ticks)) <= OFF
+
+    def move(self, data: mujoco.MjData) -> None:
+        """Moves the mocap bodies to where they are at ``data.time``.
+
+        Raises:
+            RefusedError: as ``MocapLaw.at``.
+        """
+        for law in self.mocaps:
+            data.mocap_pos[law.mocap], data.mocap_quat[law.mocap] = law.at(data.time)
 
     def apply_at_stage(self, data: mujoco.MjData) -> None:
         """Writes the controls at the time of a later stage of a step; one that is held stays as it is.

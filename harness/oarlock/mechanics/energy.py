@@ -10,9 +10,13 @@ class Energy:
         conserved: whether nothing drives or damps the model, and MuJoCo counts all of its potential energy. That of
             springs it counts, of linear and other ones; that of gravity compensation, of springs that yield and of
             plugins it does not.
+
+    Args:
+        model: the model.
+        moved: whether something is moved besides, as a mocap body.
     """
 
-    def __init__(self, model: mujoco.MjModel):
+    def __init__(self, model: mujoco.MjModel, *, moved: bool = False):
         self._model = model
         rubs = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
         friction = (model.dof_frictionloss, model.tendon_frictionloss) if rubs else ()
@@ -20,7 +24,7 @@ class Energy:
         damped = any(loss.any() for loss in (*damping, *friction))
         yields = model.jnt_springyield.any() or model.tendon_springyield.any()
         uncounted = model.ngravcomp > 0 or model.nplugin > 0 or yields
-        driven = model.nu > 0 or model.opt.density != 0 or model.opt.viscosity != 0
+        driven = moved or model.nu > 0 or model.opt.density != 0 or model.opt.viscosity != 0
         self._pushed = False
         self.conserved = not (driven or damped or uncounted)
 

@@ -5,7 +5,7 @@ Everything is computed or measured, with the reason in words beside it.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import mujoco
@@ -13,16 +13,21 @@ import numpy as np
 
 from oarlock.base.errors import RefusedError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, RunDefaults, Start
+from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, MocapPart, RunDefaults, Start
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.integrators import INTEGRATORS, IntegratorName
 from oarlock.cases.motion import NO_KEYFRAME, RULE, Motion
+from oarlock.mechanics import controls
 from oarlock.mechanics.controls import Laws
+from oarlock.mechanics.drive import ACTIVE
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.load import load_model
+from oarlock.mechanics.mocap import require_part
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of, prepare
-from oarlock.stepping.beginning import KEYFRAME, Beginning, beginning_of_file, own_integrator
+from oarlock.poses.nearest import driven_joints, nearest_kept
+from oarlock.stepping.beginning import KEYFRAME, Beginning, beginning_of_case, beginning_of_file, own_integrator
+from oarlock.stepping.closing import CONSISTENT, require_rows
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.projection import TRACKED
@@ -88,6 +93,11 @@ class Survey:
         return integrator_of(self.model).name
 
     @property
+    def drive(self) -> Drive:
+        """The controls as a case has them."""
+        return _drive(self.model, self.controls, self.held)
+
+    @property
     def held(self) -> bool:
         """Whether a case has to say that controls are held over a step."""
         return self.controls.held and not self.controls.constant
@@ -144,6 +154,23 @@ def longest(timestep_s: float, steps: int) -> float:
     return min(LONGEST_S, nice(steps * timestep_s))
 
 
+def _drive(model: mujoco.MjModel, laws: Laws, held: bool) -> Drive:
+    """Such laws as a case has them."""
+    ctrl: dict[str, str] = {}
+    active: dict[str, str] = {}
+    mocap: dict[str, dict[MocapPart, str]] = {}
+    actuators = controls.actuators(model)
+    for name, law in laws.items():
+        if name in actuators:
+            ctrl[name] = law
+        elif name.startswith(ACTIVE):
+            active[name.removeprefix(ACTIVE)] = law
+        else:
+            body, part = require_part(model, name)
+            mocap.setdefault(body, {})[part] = law
+    return Drive(ctrl=ctrl, active=active, mocap=mocap, held=held and bool(ctrl))
+
+
 # The start.
 
 
@@ -151,13 +178,31 @@ def _start(name: str, path: Path, begins: Beginning, model: mujoco.MjModel) -> t
     """The start that a case has to give, and what it is once it is closed."""
     keys = [element_name(model, mujoco.mjtObj.mjOBJ_KEY, key) for key in range(model.nkey)]
     given = keys[begins.key] if begins.key is not None else NO_KEYFRAME if KEYFRAME in keys else None
-    case = Case(name, path, CaseFile(title=name, start=Start(keyframe=given)))
+    drive = _drive(model, begins.laws, begins.laws.held)
+    case = Case(name, path, CaseFile(title=name, start=Start(keyframe=given), drive=drive))
     loops = prepare(load_model(path), integrator="rk4")
     ignore_inequalities(loops)
-    start = consistent_start(loops, case)
+    own = beginning_of_case(loops, case)
+    start = consistent_start(loops, case, begins=replace(own, qpos=_nearest(model, begins)))
+    moved = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, moved, 1.0, own.qpos, start.qpos)
+    start = replace(start, moved=float(np.abs(moved).max()))
     if start.moved <= AS_IT_STANDS:
         return case.file.start, start
     return _by_name(model, given, start.qpos, start.qvel), start
+
+
+def _nearest(model: mujoco.MjModel, begins: Beginning) -> np.ndarray:
+    """The closed pose (nq) nearest to a start, with driven joints held and ranges kept where they can be.
+
+    Where there is none, or nothing is open, the start itself.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = begins.qpos
+    controls.drive(model, begins.laws).apply(data)
+    require_rows(model, data)
+    found, _ = nearest_kept(model, begins.qpos, data, held=driven_joints(model), tolerance=CONSISTENT)
+    return begins.qpos if found is None else found.qpos
 
 
 def _by_name(model: mujoco.MjModel, keyframe: str | None, qpos: np.ndarray, qvel: np.ndarray) -> Start:
@@ -185,7 +230,7 @@ def _draft(name: str, path: Path, found: Survey, timestep_s: float) -> Case:
         title=name,
         run=RunDefaults(timestep_s=timestep_s, integrator=found.integrator, ignore_inequalities=found.ignoring),
         start=found.written,
-        drive=Drive(ctrl=dict(found.controls), held=found.held),
+        drive=found.drive,
         baumgarte=found.baumgarte,
     )
     return Case(name, path, file)

@@ -27,6 +27,9 @@ from oarlock.mechanics.prepare import integrator_of
 KEYFRAME = "start"
 """Name of the keyframe that a case begins from, if it names none and the model has it."""
 
+MOVED = "mocap bodies move, which is stepped in Python and conserves no energy"
+"""What a run says then."""
+
 UNIT = 1e-3
 """Largest deviation of a quaternion's norm from 1, as one of three digits has; more is a mistake, not rounding."""
 
@@ -52,11 +55,12 @@ class Beginning:
     driven: str
 
     def __str__(self) -> str:
-        return f"from {self.begins}; {self.driven}"
+        moved = f"; {MOVED}" if controls.moves_mocaps(self.laws) else ""
+        return f"from {self.begins}; {self.driven}{moved}"
 
 
 def beginning_of_file(model: mujoco.MjModel, asked: Motion = RULE) -> Beginning:
-    """Where a file begins. Mocap bodies of the model are moved to where the keyframe has them.
+    """Where a file begins. Mocap bodies of the model are moved to where the keyframe, or their laws, have them.
 
     Raises:
         InputError: an unknown keyframe or actuator, or a log that is not as expected.
@@ -132,7 +136,7 @@ def driven_by(model: mujoco.MjModel, asked: Motion, key: int | None) -> tuple[La
         "random": f"a random smooth control of every actuator (seed {asked.seed})",
     }[kind]
     if asked.log is not None:
-        log = ControlLog(asked.log, [*controls.actuators(model), *controls.switches(model)])
+        log = ControlLog(asked.log, controls.columns(model))
         read = {name: law for name, law in log.laws().items() if name not in asked.control}
         found = Laws({**found, **dict.fromkeys(read, str(log))}, logs=read, held=True)
         said = f"controls of the {log}"
@@ -150,6 +154,7 @@ def _from_key(model: mujoco.MjModel, key: int | None, begins: str, laws: Laws, d
         for body in range(model.nbody):  # every data that is made of the model then has them there
             if (mocap := int(model.body_mocapid[body])) >= 0:
                 model.body_pos[body], model.body_quat[body] = data.mocap_pos[mocap], data.mocap_quat[mocap]
+    controls.place_mocaps(model, laws)
     return Beginning(data.qpos.copy(), data.qvel.copy(), data.act.copy(), key, begins, laws, driven)
 
 

@@ -20,13 +20,16 @@ Row = dict[str, Any]
 """Column → entry, of one step."""
 
 
-def place(prepared: Prepared, step: int, data: mujoco.MjData) -> Row:
-    """Where a step starts: time, positions, how open the rows are, and how far it is from an outside truth."""
+def place(prepared: Prepared, step: int, data: mujoco.MjData, rate: np.ndarray | None = None) -> Row:
+    """Where a step starts: time, positions, how open the rows are, and how far it is from an outside truth.
+
+    ``rate`` (ne) is how fast they open, where that is not J v.
+    """
     row: Row = {
         "step": step,
         "time_s": data.time,
         "drift_pos": float(largest(data.efc_pos[: data.ne])),
-        "drift_vel": float(largest(data.efc_vel[: data.ne])),
+        "drift_vel": float(largest(data.efc_vel[: data.ne] if rate is None else rate)),
         "qpos": data.qpos.tolist(),
     }
     if prepared.observed is not None:
@@ -37,7 +40,7 @@ def place(prepared: Prepared, step: int, data: mujoco.MjData) -> Row:
 def answered(prepared: Prepared, step: int, state: State, qacc: np.ndarray, multipliers: np.ndarray) -> Row:
     """The same, with an answer to the state: acceleration (nv) and multipliers (ne)."""
     return {
-        **place(prepared, step, state.data),
+        **place(prepared, step, state.data, state.rate),
         "drift_acc": drift(state, qacc)[2],
         "residual": state.residual.tolist(),
         "multipliers": multipliers.tolist(),
@@ -45,7 +48,7 @@ def answered(prepared: Prepared, step: int, state: State, qacc: np.ndarray, mult
 
 
 def drift(state: State, qacc: np.ndarray) -> tuple[float, float, float]:
-    """How open the worst row is: position r, velocity J v, acceleration J a + J̇v (m or rad, per s, per s²)."""
+    """How open the worst row is: position r, velocity ṙ, acceleration r̈ (m or rad, per s, per s²)."""
     acceleration = times(state.jacobian, qacc) + state.curvature
     return float(largest(state.residual)), float(largest(state.rate)), float(largest(acceleration))
 

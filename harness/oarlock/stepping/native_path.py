@@ -54,6 +54,11 @@ def refusal() -> str:
     return f"no library of MuJoCo in '{folder}'"
 
 
+def refusal_of(prepared: Prepared) -> str:
+    """Why it cannot be taken for what is prepared; empty if it can."""
+    return "mocap bodies move on the Python path only" if prepared.drive.mocaps else ""
+
+
 class NativePath:
     """The walks of what is prepared, as ``Path``.
 
@@ -71,8 +76,8 @@ class NativePath:
         tick: Tick = silent,
         spools: Spools = SPOOLS,
     ):
-        if refusal():
-            raise InputError(f"no native stepping: {refusal()}")
+        if refused := refusal() or refusal_of(prepared):
+            raise InputError(f"no native stepping: {refused}")
         self._prepared, self._make, self._tick, self._spools = prepared, make, tick, spools
         self.core = core.Setup(
             prepared.model,

@@ -10,4 +10,5 @@ from oarlock.stepping.python_path import PythonPath
 
 def fitting_path(prepared: Prepared, terms: Baumgarte) -> Path:
     """The native path where this process can take it, else the Python path; with solvers as they are by themselves."""
-    return PythonPath(prepared, terms) if native_path.refusal() else NativePath(prepared, terms)
+    refused = native_path.refusal() or native_path.refusal_of(prepared)
+    return PythonPath(prepared, terms) if refused else NativePath(prepared, terms)

@@ -93,7 +93,7 @@ class Prepared:
         self.timestep_s = float(model.opt.timestep)
         self.observed = observed
         self.published = published or PublishedValues(model, (), "")
-        self.conserves_energy = Energy(model).conserved
+        self.conserves_energy = self.energy().conserved
         self.has_inequalities = may_act(model)
         self._trajectory = trajectory
         self.left = self._left()
@@ -103,6 +103,10 @@ class Prepared:
         mujoco.mj_fwdPosition(self.model, data)
         left = gap(data)
         return left if left <= CONSISTENT else 0.0
+
+    def energy(self) -> Energy:
+        """Computes energies; a mocap body that moves does work, so that none is conserved."""
+        return Energy(self.model, moved=bool(self.drive.mocaps))
 
     def data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
         """A fresh data at the start, of the model itself or of a copy."""

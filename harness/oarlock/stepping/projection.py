@@ -6,6 +6,7 @@ squares. One that would push a violated limit or a penetrating contact deeper is
 as far as the loops leave a choice. Positions take Newton rounds, because r is not linear in q; J v is linear in v, and
 repeating only removes what a solver's tolerance left. A velocity projected like this never gains kinetic energy. (Eich
 1993, Convergence results for a coordinate projection method applied to mechanical systems with algebraic constraints.)
+Where mocap bodies move, r(q, t) = 0 and J v = −∂r/∂t.
 """
 
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from oarlock.base.vectors import times, total
 from oarlock.mechanics.inertia import Inertia, whiten
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.inequalities import COEFFICIENTS, Rows
+from oarlock.stepping.moving import Moving
 from oarlock.stepping.solvers import SolverSpec
 
 TRACKED = SolverSpec("sr1-tracked", (("predict", 0.0),))
@@ -86,13 +88,19 @@ class Projector:
         solver: specification of the solver.
         left: what the rows of a closed pose leave open where they contradict one another, m or rad; twice that still
             counts as closed.
+        moving: the mocap bodies that move.
 
     Raises:
         InputError: the solver has an unknown option or a value out of range.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, rank_cut: float | None = None, solver: SolverSpec = TRACKED, left: float = 0.0
+        self,
+        model: mujoco.MjModel,
+        rank_cut: float | None = None,
+        solver: SolverSpec = TRACKED,
+        left: float = 0.0,
+        moving: Moving | None = None,
     ):
         self.model = model
         self.rank = 0
@@ -107,7 +115,7 @@ class Projector:
         # A row is the difference of two positions, and each is rounded.
         self._rounding = 2.0 * _EPSILON * float(model.stat.extent + np.abs(model.stat.center).max())
         self._solves = self._iterations = 0
-        self._gone, self._left = 0.0, left
+        self._gone, self._left, self._moving = 0.0, left, moving
         single = np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE))
         self._dofs, self._coordinates = model.jnt_dofadr[single], model.jnt_qposadr[single]
 
@@ -223,13 +231,14 @@ class Projector:
 
     def _velocities(self, data: mujoco.MjData) -> None:
         jacobian = closing_jacobian(self.model, data)
-        rate = times(jacobian, data.qvel)
+        own = self._moving.rate(data) if self._moving is not None else 0.0
+        rate = times(jacobian, data.qvel) + own
         error = np.abs(rate).max(initial=0.0)
         for _ in range(MAX_ROUNDS):
             if error <= _EPSILON * times(np.abs(jacobian), np.abs(data.qvel)).max(initial=0.0):
                 return
             changed = data.qvel + self._guarded(data, -rate, data.qvel)
-            rate = times(jacobian, changed)
+            rate = times(jacobian, changed) + own
             after = np.abs(rate).max()
             if not after < error:
                 return

@@ -17,7 +17,6 @@ from oarlock.base.core import MultiplierSolver
 from oarlock.base.errors import DiskError, InputError
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.mechanics.bounds import bounded
-from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.prepare import integrator_of, unsolved
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.figures import (
@@ -32,6 +31,7 @@ from oarlock.stepping.figures import (
     pushing,
     solving,
 )
+from oarlock.stepping.moving import Moving
 from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
@@ -226,9 +226,10 @@ class Halved:
         self._prepared = prepared
         model = unsolved(prepared.model, 0.5 * prepared.timestep_s)
         data = prepared.data(model)
-        force = SolvedForce(State(model, data, terms), "hard", solver)
-        last = Projector(model, solver=projector, left=prepared.left) if projector else None
-        self._walker = ForcedWalker(model, data, prepared.drive, force, last)
+        moving = Moving.of(model, prepared.drive)
+        force = SolvedForce(State(model, data, terms, moving), "hard", solver)
+        last = Projector(model, solver=projector, left=prepared.left, moving=moving) if projector else None
+        self._walker = ForcedWalker(model, data, prepared.drive, force, last, moving, follows=True)
         # The whole error over the part of it that halving takes away (Richardson).
         finer = 2.0 ** integrator_of(model).order
         self._scale = finer / (finer - 1.0)
@@ -275,12 +276,16 @@ class Calibration:
         model = prepared.model
         self.walker = ForcedWalker(model, prepared.data(), prepared.drive, MujocoForce(model))
         self._theirs = Companion(prepared)
+        self._moving = Moving.of(model, prepared.drive)
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``."""
         data = self.walker.data
-        apart = self._theirs.compare(data.qpos)
-        return [{**place(self._prepared, step, data), "status": "converged", "trajectory_diff": apart}]
+        apart, rate = self._theirs.compare(data.qpos), None
+        if self._moving is not None:
+            self._moving.begin(data)
+            rate = data.efc_vel[: data.ne] + self._moving.rate(data)
+        return [{**place(self._prepared, step, data, rate), "status": "converged", "trajectory_diff": apart}]
 
     def complete(self, rows: list[Row]) -> None:
         """Nothing is left to say."""
@@ -301,17 +306,22 @@ class Lockstep:
     ):
         self._prepared = prepared
         model, data = prepared.model, prepared.data()
-        self._state = State(model, data, terms)
+        self._moving = moving = Moving.of(model, prepared.drive)
+        self._state = State(model, data, terms, moving)
         self._force = None if leader is None else SolvedForce(self._state, "hard", leader)
-        self._projector = Projector(model, solver=projector, left=prepared.left) if projector and leader else None
+        self._projector: Projector | None = None
+        if projector and leader:
+            self._projector = Projector(model, solver=projector, left=prepared.left, moving=moving)
         self.walker: Walker = MujocoWalker(model, data, prepared.drive)
         if self._force is not None:
-            self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
+            self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector, moving, follows=True)
         self._asked = [(Question(self._state, form), solvers) for form, solvers in asked]
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``, form by form."""
         state = self._state
+        if self._moving is not None:
+            self._moving.begin(state.data)
         state.read()
         qacc, qfrc = self.walker.mujoco_answer()
         theirs = gradient(state, qacc, qfrc)
@@ -348,9 +358,13 @@ class OneStep:
         self._prepared = prepared
         self.walker = MujocoWalker(prepared.model, prepared.data(), prepared.drive)
         self._data = prepared.data()
-        self._state = State(prepared.model, self._data, terms)
+        model, drive, moving = prepared.model, prepared.drive, Moving.of(prepared.model, prepared.drive)
+        self._state = State(model, self._data, terms, moving)
         forces = [SolvedForce(self._state, form, solver) for form, solver in asked]
-        self._ours = [(force, ForcedWalker(prepared.model, self._data, prepared.drive, force)) for force in forces]
+        self._ours = [
+            (force, ForcedWalker(model, self._data, drive, force, None, moving, follows=force.question.form == "hard"))
+            for force in forces
+        ]
         self._reached: list[np.ndarray] = []
 
     def begin(self, step: int) -> list[Row]:
@@ -384,12 +398,15 @@ class FreeMujoco:
         self._prepared = prepared
         data = prepared.data()
         self.walker = MujocoWalker(prepared.model, data, prepared.drive)
-        self._state = State(prepared.model, data, terms)
-        self._energy = Energy(prepared.model)
+        self._moving = Moving.of(prepared.model, prepared.drive)
+        self._state = State(prepared.model, data, terms, self._moving)
+        self._energy = prepared.energy()
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``."""
         prepared, data = self._prepared, self.walker.data
+        if self._moving is not None:
+            self._moving.begin(data)
         self._state.read()
         iterations = self.walker.iterations
         return [
@@ -427,12 +444,15 @@ class FreeSolved:
         self._prepared = prepared
         model = unsolved(prepared.model, prepared.timestep_s)
         data = prepared.data(model)
-        self._state = State(model, data, terms)
+        moving, last = Moving.of(model, prepared.drive), None
+        self._state = State(model, data, terms, moving)
         self._force = SolvedForce(self._state, form, solver)
-        self._projector = Projector(model, solver=projector, left=prepared.left) if projector else None
-        self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector)
+        if projector:
+            last = Projector(model, solver=projector, left=prepared.left, moving=moving)
+        self._projector = last
+        self.walker = ForcedWalker(model, data, prepared.drive, self._force, last, moving, follows=form == "hard")
         self._theirs, self._halved = Companion(prepared), halved
-        self._energy = Energy(prepared.model)
+        self._energy = prepared.energy()
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``; its solves are counted when the step is taken."""

@@ -10,11 +10,13 @@ from oarlock.base.text import quoted
 from oarlock.cases.case import Case
 from oarlock.cases.point import DISTURBANCE
 from oarlock.mechanics import controls
+from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.reactions import unique_reactions
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.beginning import Beginning, beginning_of_case
 from oarlock.stepping.closing import CLOSED, CONSISTENT, close, culprits, require_rows
+from oarlock.stepping.moving import Moving
 from oarlock.stepping.projection import Projector, gap
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
 
@@ -56,6 +58,29 @@ def _disturb(model: mujoco.MjModel, data: mujoco.MjData, seed: int) -> None:
     data.qvel += pushed
 
 
+def opening_rate(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive) -> np.ndarray | float:
+    """∂r/∂t (ne) at the start, m/s or rad/s: what mocap bodies that move make of rows on which nothing else does."""
+    moving = Moving.of(model, drive)
+    return 0.0 if moving is None else moving.rate(data)
+
+
+def carried(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, drive: Drive) -> np.ndarray:
+    """The velocities (nv) nearest to those given, in the metric of M, with which a pose stays closed at the start.
+
+    Args:
+        model: the model.
+        qpos: a closed pose, (nq).
+        qvel: velocities there, (nv).
+        drive: what moves.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    drive.apply(data)
+    mujoco.mj_fwdPosition(model, data)
+    rate = closing_jacobian(model, data) @ qvel + opening_rate(model, data, drive)
+    return qvel + Projector(model, None, SolverSpec(REFERENCE)).correction(data, -rate)
+
+
 def consistent_start(
     model: mujoco.MjModel, case: Case, seed: int | None = None, begins: Beginning | None = None
 ) -> ConsistentStart:
@@ -77,7 +102,8 @@ def consistent_start(
     begins = begins or beginning_of_case(model, case)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.act[:] = begins.qpos, begins.qvel, begins.act
-    controls.drive(model, begins.laws).apply(data)
+    drive = controls.drive(model, begins.laws)
+    drive.apply(data)
     if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
         raise InputError(f"start of case '{case.name}' is not finite: qpos {data.qpos}, qvel {data.qvel}")
     if seed is not None:
@@ -91,8 +117,9 @@ def consistent_start(
 
     projector = Projector(model, case.file.rank_cut, SolverSpec(REFERENCE))
     mujoco.mj_fwdVelocity(model, data)
-    velocity = projector.correction(data, -(closing_jacobian(model, data) @ data.qvel))
-    if np.abs(data.efc_vel[: data.ne]).max() > CLOSED:
+    rate = closing_jacobian(model, data) @ data.qvel + opening_rate(model, data, drive)
+    velocity = projector.correction(data, -rate)
+    if np.abs(rate if drive.mocaps else data.efc_vel[: data.ne]).max() > CLOSED:
         data.qvel += velocity
     difference = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, difference, 1.0, given, data.qpos)

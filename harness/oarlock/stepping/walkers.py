@@ -17,6 +17,7 @@ from oarlock.base.vectors import Vector, cross, dot, plus, scaled
 from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.prepare import integrator_of
+from oarlock.stepping.moving import Moving
 from oarlock.stepping.projection import Projector, gap
 
 LOST = 1e-6
@@ -91,7 +92,7 @@ class MujocoWalker:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None = None):
         self.model, self.data = model, data
-        self._drive = drive if drive is not None and (drive.held or drive.switches) else None
+        self._drive = drive if drive is not None and drive.between else None
         self._function = _function(model)
 
     def look(self) -> None:
@@ -117,6 +118,9 @@ class MujocoWalker:
 class ForcedWalker:
     """MuJoCo's smooth dynamics and integrators with the force of a ``ForceLaw``; a projector ends every step.
 
+    Mocap bodies stand still during a step, as MuJoCo has them; if it ``follows``, they go along their laws, stage by
+    stage.
+
     Raises:
         InputError: the model has actuator activations, and its integrator takes none.
     """
@@ -128,6 +132,8 @@ class ForcedWalker:
         drive: Drive,
         force: ForceLaw,
         projector: Projector | None = None,
+        moving: Moving | None = None,
+        follows: bool = False,
     ):
         integrator = integrator_of(model)
         if model.na and not integrator.takes_activations:
@@ -136,7 +142,8 @@ class ForcedWalker:
                 "use euler or implicitfast"
             )
         self.model, self.data = model, data
-        self._drive, self._force, self._projector = drive, force, projector
+        self._drive, self._force, self._projector, self._moving = drive, force, projector, moving
+        self._follows = follows and moving is not None
         self._staged, self._function = integrator.stages > 1, _function(model)
         self._turns = _turns(model)
         self._qpos, self._qvel = np.zeros(model.nq), np.zeros(model.nv)
@@ -145,7 +152,14 @@ class ForcedWalker:
     def look(self) -> None:
         """The smooth stages, then the force law."""
         self._drive.apply(self.data)
+        self._begin()
         self._forces()
+
+    def _begin(self) -> None:
+        if self._moving is not None:
+            self._moving.begin(self.data)
+            if self._follows:
+                self._moving.place(self.data)
 
     def _forces(self) -> None:
         smooth_stages(self.model, self.data)
@@ -169,6 +183,7 @@ class ForcedWalker:
         fastest, hardest = np.abs(self.data.qvel).max(), np.abs(self.data.qacc).max()
         integrate()
         if is_sane(self.data):
+            self._begin()
             fastest = max(fastest, np.abs(self.data.qvel).max())
             done = self._projector.project(self.data, gone=step * float(fastest) + step * step * float(hardest))
             if done.status == "open" and gap(self.data) > LOST:
@@ -203,6 +218,8 @@ class ForcedWalker:
             data.qvel[:] = self._qvel + fraction * step * accelerations[stage - 1]
             data.time = time + fraction * step
             self._drive.apply_at_stage(data)
+            if self._moving is not None and self._follows:
+                self._moving.place(data)
             self._forces()
             velocities[stage], accelerations[stage] = data.qvel, data.qacc
             for turn in turns:

@@ -7,10 +7,10 @@ import scipy.integrate
 from gallery import at_start
 from mechanisms import TANGLE, four_bar, parallelogram
 from oarlock import load_case, model_names, variant_names
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.events import rank_events
 from oarlock.diagnosis.loops.loops import find_loops, loops_at
 from oarlock.mechanics.load import load_model
+from oarlock.poses.assembly import Assembly
 
 CHEAP = 30
 """Velocities. Beyond, a minimal set takes a tenth of a second."""

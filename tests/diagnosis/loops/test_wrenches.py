@@ -6,13 +6,13 @@ import pytest
 from gallery import at_start
 from mechanisms import TANGLE, four_bar, setup_of
 from oarlock import InputError, load_case, model_names, variant_names
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.directions import told
 from oarlock.diagnosis.loops.forces import body_wrenches
 from oarlock.diagnosis.loops.loops import loops_at
 from oarlock.diagnosis.loops.uniqueness import find_uniqueness
 from oarlock.diagnosis.loops.wrenches import wrenches
 from oarlock.mechanics.load import load_model
+from oarlock.poses.assembly import Assembly
 
 VIRTUAL_WORK = 1e-12
 """Nm or N per unit multiplier, on mechanisms of 1 m: the same sums in another order, 4e-16 (measured)."""

@@ -11,13 +11,13 @@ from gallery import Piece, piece
 from mechanisms import TANGLE, four_bar, write_model
 from oarlock import InputError
 from oarlock.diagnosis.edit.tuned import write_tuned
-from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.runs.recipe import Recipe, critical, deadbeat, recipe
 from oarlock.diagnosis.runs.stability import RowSettings, growth, impedance, stability
 from oarlock.diagnosis.runs.trials import Setting, Start, disturbed, run_trial
 from oarlock.diagnosis.runs.walking import own_copy, walk
 from oarlock.mechanics.load import collected_warnings, load_model
 from oarlock.mechanics.mjcf import differences
+from oarlock.poses.layout import Layout
 from strange import FILES
 from tolerances import CLOSED, SAME_SETTINGS
 

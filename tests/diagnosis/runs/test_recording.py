@@ -6,12 +6,12 @@ import pytest
 from gallery import piece
 from mechanisms import INTEGRATORS, TANGLE, four_bar, relative
 from oarlock import InputError
-from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.runs.exact import record_exact
 from oarlock.diagnosis.runs.recording import record
 from oarlock.diagnosis.runs.row_law import attribute
 from oarlock.mechanics.controls import drive, laws
 from oarlock.mechanics.load import load_model
+from oarlock.poses.layout import Layout
 from oarlock.stepping import native_path
 from places import FIXTURES
 from tolerances import CLOSED, LOCKSTEP_PARITY, POWER_BALANCE, WORK_OF_IMPACTS, WORK_OF_ROWS

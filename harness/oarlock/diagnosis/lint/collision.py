@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from oarlock.diagnosis.lint.view import Remark, View, told
-from oarlock.diagnosis.loops.assembly import anchors
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.mechanics.names import Equality
+from oarlock.poses.assembly import anchors
 
 DEEP = 0.02
 """Of half the thickness of the thinner geom: what rests on another one is not so deep in it."""

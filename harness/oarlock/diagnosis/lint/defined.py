@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.lint.view import Remark, View, told
-from oarlock.diagnosis.loops.assembly import anchors
 from oarlock.mechanics.names import Equality, element_name
+from oarlock.poses.assembly import anchors
 
 OPEN = 0.01
 """Of the size of the mechanism: a keyframe that is open by less was written with few digits, or settled under load."""

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.lint.view import Remark, View, point, told
-from oarlock.diagnosis.loops.assembly import anchors
 from oarlock.mechanics.names import Equality
+from oarlock.poses.assembly import anchors
 
 AIR = 0.05
 """Of the length of a body: its anchor is in the air where the nearest geom is further away than that, and than the body

@@ -7,10 +7,10 @@ import mujoco
 
 from oarlock.base.text import quoted
 from oarlock.diagnosis.lint.view import Remark, View
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import Group, loops_at
 from oarlock.diagnosis.loops.mobility import find_mobility
 from oarlock.mechanics.names import Equality
+from oarlock.poses.assembly import Assembly
 
 JOINTS = 3
 """A planar chain of fewer joints does not move with a pin either."""

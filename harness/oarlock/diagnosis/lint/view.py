@@ -7,12 +7,12 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import Loops, loops_at
 from oarlock.diagnosis.loops.mobility import Tilt, find_tilts
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import Equality, element_name, equalities
+from oarlock.poses.assembly import Assembly
 
 BODY, JOINT, TENDON = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_TENDON
 

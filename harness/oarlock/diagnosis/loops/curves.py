@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import Loops
+from oarlock.poses.assembly import Assembly
 
 CLOSED = 1e-9
 """m or rad. What is left of the rows of a group that counts as closed on the way."""

@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import SCALED, Loops, loops_at, scales_along
 from oarlock.mechanics.names import Equality
+from oarlock.poses.assembly import Assembly
 
 SINGULAR = 1e-3
 """Of its median along the motion: a singular value below this has vanished. A mechanism of lengths around 1 m is then

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import anchors
 from oarlock.diagnosis.loops.loops import Loops
+from oarlock.poses.assembly import anchors
 
 POINTS = 1e-6
 """Of the whole model: loops of a smaller extent are single points, such as a weld's."""

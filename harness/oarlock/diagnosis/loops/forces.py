@@ -17,9 +17,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly, anchors
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality
+from oarlock.poses.assembly import Assembly, anchors
 
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 _PULLEY, _SITE, _FIXED = (int(getattr(mujoco.mjtWrap, f"mjWRAP_{kind}")) for kind in ("PULLEY", "SITE", "JOINT"))

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 
 from oarlock.base.text import quoted
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import Loops, loops_at
 from oarlock.mechanics.names import Equality
+from oarlock.poses.assembly import Assembly
 from oarlock.stepping.closing import CONSISTENT
 
 TRIES = ((0.05, 4), (0.2, 6), (0.5, 10))

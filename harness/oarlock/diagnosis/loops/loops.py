@@ -5,9 +5,6 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly
-from oarlock.diagnosis.loops.layout import Row
-from oarlock.diagnosis.loops.paths import Path, Shape, common_shape, path_of, share_dofs
 from oarlock.diagnosis.loops.rank import (
     FLOOR,
     ZERO_ROW,
@@ -20,6 +17,9 @@ from oarlock.diagnosis.loops.rank import (
 )
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality, element_name
+from oarlock.poses.assembly import Assembly
+from oarlock.poses.layout import Row
+from oarlock.poses.paths import Path, Shape, common_shape, path_of, share_dofs
 
 ORDERS = 24
 """So many orders of the rows are tried for small dependent sets."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.loops import Loops, scaled_rows
-from oarlock.diagnosis.loops.paths import PARALLEL, path_of
 from oarlock.diagnosis.loops.rank import spectrum
 from oarlock.mechanics.names import element_name
+from oarlock.poses.assembly import Assembly
+from oarlock.poses.paths import PARALLEL, path_of
 
 PROBE = 0.02
 """rad or m. A step along a motion, longer than what separates a double root from two, shorter than a limb."""

@@ -8,8 +8,6 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, few
-from oarlock.diagnosis.loops.assembly import Assembly
-from oarlock.diagnosis.loops.chart import arm_of, lengths
 from oarlock.diagnosis.loops.gaps import (
     TRIES,
     Culprits,
@@ -22,15 +20,18 @@ from oarlock.diagnosis.loops.gaps import (
 )
 from oarlock.diagnosis.loops.loops import Loops, loops_at
 from oarlock.diagnosis.loops.mobility import Mobility, Tilt, find_mobility, find_tilts
-from oarlock.diagnosis.loops.nearest import (
+from oarlock.mechanics.names import element_name
+from oarlock.poses.assembly import Assembly
+from oarlock.poses.chart import arm_of, lengths
+from oarlock.poses.nearest import (
     Nearest,
     Outside,
     driven_joints,
     joints_called,
     nearest,
+    nearest_kept,
     outside_ranges,
 )
-from oarlock.mechanics.names import element_name
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
@@ -203,16 +204,16 @@ def _way(
         return None, ()
     here = model, given, data
     held = driven_joints(model) if hold is None else asked
-    found = nearest(*here, held=held, tolerance=CONSISTENT)
-    if found is not None or asked:
-        if found is None and (found := nearest(*here, held=held, limits=False, tolerance=CONSISTENT)) is None:
-            names = few([f"'{name}'" for name in hold or ()])
-            raise InputError(f"--hold: no pose closes the loops with {names} held, expected joints that may stay")
+    if asked:
+        for limits in (True, False):
+            found = nearest(*here, held=asked, limits=limits, tolerance=CONSISTENT)
+            if found is not None:
+                return found, ()
+        names = few([f"'{name}'" for name in hold or ()])
+        raise InputError(f"--hold: no pose closes the loops with {names} held, expected joints that may stay")
+    found, kept = nearest_kept(*here, held=held, tolerance=CONSISTENT)
+    if kept:
         return found, ()
-    for kept in (True, False):
-        found = nearest(*here, limits=kept, tolerance=CONSISTENT)
-        if found is not None:
-            break
     concerned = {int(model.dof_jntid[dof]) for dof in open_dofs(assembly)}
     released = [element_name(model, _JOINT, joint) for joint in held if joint in concerned]
     return found, tuple(released) if found is not None else ()

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly
-from oarlock.diagnosis.loops.chart import Chart, arm_of, bounds
-from oarlock.diagnosis.loops.nearest import groups_of
 from oarlock.diagnosis.loops.walk import Place, Walk
 from oarlock.mechanics.coupled import coupled, coupled_ids
+from oarlock.poses.assembly import Assembly
+from oarlock.poses.chart import Chart, arm_of, bounds
+from oarlock.poses.nearest import groups_of
 
 ORIGINS = 40
 """Random poses from which branches are looked for, for every group, at most."""

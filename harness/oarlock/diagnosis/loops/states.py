@@ -9,12 +9,12 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.cases.case import load_case
 from oarlock.cases.motion import Motion
-from oarlock.diagnosis.loops.assembly import Assembly
-from oarlock.diagnosis.loops.chart import arm_of, bounds, fenced, lengths
 from oarlock.diagnosis.loops.poses import nearest_closed
 from oarlock.diagnosis.loops.spread import Spread, spread
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.names import coordinates, element_name
+from oarlock.poses.assembly import Assembly
+from oarlock.poses.chart import arm_of, bounds, fenced, lengths
 from oarlock.stepping.beginning import beginning_of_file
 from oarlock.stepping.start import consistent_start
 

@@ -24,12 +24,12 @@ import mujoco
 import numpy as np
 
 from oarlock.cases.case_file import Reactions
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.directions import WORLD, Directions, told
 from oarlock.diagnosis.loops.forces import BodyWrench, body_wrenches
 from oarlock.diagnosis.loops.loops import Group, Loops, loops_at
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.reactions import VANISHES
+from oarlock.poses.assembly import Assembly
 
 SAMPLES = 24
 """So many poses of a motion at most, equally spaced, are closed and looked at."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.diagnosis.loops.chart import Chart, Seen
+from oarlock.poses.chart import Chart, Seen
 
 STRIDE = 0.2
 """rad. Length of a step: a thirtieth of a turn, over which the rows bend by some hundredths."""

@@ -12,11 +12,11 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.forces import coupling_slope, quat_product, torque_map, turns
 from oarlock.diagnosis.loops.loops import Loops, loops_at, scales_along
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality
+from oarlock.poses.assembly import Assembly
 
 _CHUNK = 1 << 21
 """Numbers of J that are held at once."""

@@ -17,9 +17,11 @@ import numpy as np
 from oarlock.base.numbers import figure
 from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.loops.assembly import anchors
+from oarlock.mechanics.controls import drive
+from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
+from oarlock.poses.assembly import anchors
 from oarlock.render.charts import VIEW
 
 FRAMES = 140
@@ -128,12 +130,15 @@ class Skeleton:
         """How many points there are."""
         return len(self._sources)
 
-    def read(self, qpos: np.ndarray) -> np.ndarray:
-        """The points (P, 3) of poses (T, nq): (T, P, 3), world, m."""
+    def read(self, qpos: np.ndarray, times: np.ndarray | None = None, driven: Drive | None = None) -> np.ndarray:
+        """The points (P, 3) of poses (T, nq): (T, P, 3), world, m; mocap bodies as a drive has them at times (T), s."""
         model, data = self.model, self._data
         found = np.zeros((len(qpos), self.size, 3))
         for at, pose in enumerate(qpos):
             data.qpos[:] = pose
+            if driven is not None and times is not None:
+                data.time = times[at]
+                driven.move(data)
             mujoco.mj_kinematics(model, data)
             both = {index: anchors(model, data, one) for index, one in self._equalities.items()}
             for place, (kind, index, end) in enumerate(self._sources):
@@ -241,8 +246,12 @@ def motion(exam: Examination) -> Motion | None:
     count = int(min(FRAMES, max(20, NUMBERS / (4 * max(1, skeleton.size)))))
     spaced = finite[np.linspace(0, len(finite) - 1, min(count, len(finite))).astype(int)]
     chosen = np.unique([*spaced, _widest(exam, finite)])
-    points = skeleton.read(recording.qpos[chosen])
-    beside = skeleton.read(exact.qpos[chosen[chosen < len(exact.qpos)]]) if exact is not None else points[:0]
+    driven = drive(exam.model, exam.laws)
+    points = skeleton.read(recording.qpos[chosen], recording.time[chosen], driven)
+    beside = points[:0]
+    if exact is not None:
+        known = chosen[chosen < len(exact.qpos)]
+        beside = skeleton.read(exact.qpos[known], exact.time[known], driven)
     ended = recording.end.how == "finished"
     everything = points if ended or not len(beside) else beside
     plane = _plane(exam, everything)

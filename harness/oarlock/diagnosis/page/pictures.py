@@ -9,12 +9,12 @@ import polars as pl
 from oarlock.base.text import one_line as plain
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.row_law import CAUSES, Attribution, Share
 from oarlock.diagnosis.verdict.causes import CAUSE
+from oarlock.poses.layout import Layout
 from oarlock.render.charts import COLOURS, WIDTH, envelope, log_axis, sampled
 from oarlock.render.page import Figure
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.curves import ARC, Linkage
 from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.mechanics.names import element_name
+from oarlock.poses.assembly import Assembly
 
 APART = 2.0 * ARC
 """rad, or sizes. Poses of a curve are half of that apart at most: what is further from all of them is not on it."""

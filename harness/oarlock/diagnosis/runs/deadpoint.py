@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.diagnosis.loops.curves import Linkage
 from oarlock.diagnosis.loops.gaps import Opening, opening
-from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.mechanics.names import element_name
+from oarlock.poses.assembly import Assembly
+from oarlock.poses.layout import Layout
 
 TORN = 1e-3
 """Of the size of the loops: one that opens by less was not torn."""

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.gaps import instants, opening
-from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
+from oarlock.poses.layout import Layout
 
 LEVELS = ("position", "velocity", "acceleration")
 

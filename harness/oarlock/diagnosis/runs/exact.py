@@ -12,13 +12,13 @@ import polars as pl
 from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.integrators import INTEGRATORS, SUBSTITUTE
-from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.trials import Start
 from oarlock.diagnosis.runs.walking import End, own_copy
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.curvature import Curvature
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.prepare import integrator_of, set_integrator
+from oarlock.poses.layout import Layout, RowColumns
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import Prepared

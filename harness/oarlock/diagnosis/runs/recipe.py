@@ -16,7 +16,6 @@ import mujoco
 
 from oarlock.base.errors import InputError
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.loops.layout import Layout, Row
 from oarlock.diagnosis.options import BUDGET_S
 from oarlock.diagnosis.runs.budget import Budget, CutShortError
 from oarlock.diagnosis.runs.solving import Solving
@@ -24,6 +23,7 @@ from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_
 from oarlock.mechanics.curvature import bends
 from oarlock.mechanics.names import equalities
 from oarlock.mechanics.prepare import integrator_of
+from oarlock.poses.layout import Layout, Row
 
 STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """MuJoCo's smallest softness, the same at every deviation."""
@@ -249,7 +249,7 @@ class _Search:
         return within and len(verified) == len(starts)
 
     def _conserving(self, chosen: Trial) -> Trial | None:
-        if chosen.setting.integrator == CONSERVING or chosen.energy_error <= LOST * chosen.kinetic_energy:
+        if chosen.setting.integrator == CONSERVING or not chosen.energy_error > LOST * chosen.kinetic_energy:
             return None
         timestep = float(self._model.opt.timestep)
         if not any(trial.setting.integrator == CONSERVING for trial in self._own_trials()):

@@ -12,7 +12,6 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.beside import Beside, find_beside
 from oarlock.diagnosis.runs.pushes import Push, Pushes
 from oarlock.diagnosis.runs.walking import (
@@ -30,6 +29,7 @@ from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.poses.layout import Layout, RowColumns
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import SolverSpec
 from oarlock.stepping.state import State
@@ -131,7 +131,8 @@ class Recording:
     def energy_error(self) -> np.ndarray:
         """Energy (J, (steps)) that came from nowhere: change of the total less the work of all but loops and springs.
 
-        Nothing enters or leaves through closed loops and an exact integrator. Works by the trapezoidal rule.
+        Nothing enters or leaves through closed loops and an exact integrator. Works by the trapezoidal rule. NaN where
+        a mocap body is moved, and does work.
         """
         return energy_error(self.energy, self.other_power, self.timestep_s)
 
@@ -235,11 +236,13 @@ class _Recorder:
         self._question = Question(self._state, "matched") if self._state is not None else None
         self._solver = SolverSpec("auto").make()
         self._solved = 0
+        self._worked = False
         self._pushes = Pushes(model)
 
     def run(self, laws: dict[str, str]) -> Recording:
         model, data = self._model, self._data
         driven = drive(model, laws)
+        self._worked = bool(driven.mocaps)
         taken = 0
         with np.errstate(all="ignore"), collected_warnings():  # of a run that diverges
             for step in walk(model, data, driven, self._steps):
@@ -292,7 +295,7 @@ class _Recorder:
         slot = step - self._solved
         self._whitened[slot] = 0.0
         self._missed[slot] = 0.0
-        self._power[step] = other_power(data, self._layout.skipped)
+        self._power[step] = np.nan if self._worked else other_power(data, self._layout.skipped)
         if ne == 0:
             self._free[step] = data.qacc
             return

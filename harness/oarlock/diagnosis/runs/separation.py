@@ -3,12 +3,12 @@
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.layout import RowColumns
 from oarlock.diagnosis.runs.drifts import Drift, drift_of
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.walking import own_copy, walk
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.load import collected_warnings
+from oarlock.poses.layout import RowColumns
 
 CLASSES = 31
 """Kinds of geoms at most that bits of a mask can tell apart, one a kind."""

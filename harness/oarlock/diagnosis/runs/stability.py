@@ -18,8 +18,8 @@ import mujoco
 import numpy as np
 
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.loops.layout import Layout
 from oarlock.mechanics.prepare import integrator_of
+from oarlock.poses.layout import Layout
 
 MIN_IMPEDANCE, MAX_IMPEDANCE = 1e-4, 0.9999
 """MuJoCo's bounds of solimp's impedances and midpoint (mjMINIMP, mjMAXIMP)."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
 from oarlock.mechanics.controls import drive
@@ -17,6 +16,7 @@ from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import equalities
 from oarlock.mechanics.prepare import integrator_of, set_integrator
+from oarlock.poses.layout import Layout, Row, RowColumns
 from oarlock.stepping.closing import close
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
@@ -179,11 +179,12 @@ def run_trial(
     steps = setting.steps(duration_s)
     data = _data(own, start)
     layout = Layout.of(own, data.eq_active)
+    driven = drive(own, laws)
     columns, block = RowColumns(layout), np.zeros((_BLOCK, layout.rows))
     energy, power = np.zeros((steps, 2)), np.zeros(steps)
     worst, row, at, taken, opening = 0.0, 0, 0, 0, 0.0
     with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(own, data, drive(own, laws), steps):
+        for step in walk(own, data, driven, steps):
             if tick is not None:
                 tick()
             energy[step], power[step] = data.energy, other_power(data, layout.skipped)
@@ -210,7 +211,7 @@ def run_trial(
         row=layout.named[row],
         time_s=at * setting.timestep_s,
         opening=opening,
-        energy_error=float(np.abs(errors).max(initial=0.0)),
+        energy_error=float("nan") if driven.mocaps else float(np.abs(errors).max(initial=0.0)),
         kinetic_energy=float(energy[:taken, 1].max(initial=0.0)),
         steps=steps,
         taken=taken,

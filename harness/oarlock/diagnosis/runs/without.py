@@ -16,7 +16,6 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.gaps import Opening, opening
-from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import stability
 from oarlock.diagnosis.runs.walking import walk
@@ -24,6 +23,7 @@ from oarlock.mechanics.controls import drive
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import Equality
 from oarlock.mechanics.prepare import set_integrator
+from oarlock.poses.layout import Layout, RowColumns
 
 PARTS = 4
 """Of a timestep: what a Euler step leaves falls to a quarter or a sixteenth."""

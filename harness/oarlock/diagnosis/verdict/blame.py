@@ -327,7 +327,7 @@ def remedy(exam: Examination) -> Iterator[Finding]:
     if exam.pose is not None and not exam.pose.consistent and not whence:
         whence = ", both from the closed start and not from the open one that is given (S1)"
     parts = [f"no row off by more than {held(after)} in place of {held(before)}{whence}"]
-    if recipe.authored.end.how == "finished":
+    if recipe.authored.end.how == "finished" and np.isfinite(chosen.energy_error):
         parts.append(f"energy error {chosen.energy_error:.2g} J in place of {recipe.authored.energy_error:.2g} J")
     parts.append(f"at {_cost(chosen)}")
     said = f"{recipe.reason}: {', '.join(parts)}"

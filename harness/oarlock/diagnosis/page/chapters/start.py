@@ -3,12 +3,12 @@
 from oarlock.base.numbers import figure
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.loops.chart import lengths
 from oarlock.diagnosis.loops.gaps import Opening
-from oarlock.diagnosis.loops.nearest import Outside
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import many, why_not
+from oarlock.poses.chart import lengths
+from oarlock.poses.nearest import Outside
 
 ROUNDING = 1e-9
 """m or rad, and per s: a smaller opening is not worth a line on a terminal."""

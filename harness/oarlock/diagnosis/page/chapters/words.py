@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from oarlock.base.errors import few
 from oarlock.base.numbers import NOTHING, figure
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.loops.layout import SINE
+from oarlock.poses.layout import SINE
 
 SINE_NOTE = (
     f"The rows 'turn' of a weld are its rotations, {SINE} with its torquescale τ and the angle θ: for small angles and "

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.assembly import Assembly
 from oarlock.mechanics.inequalities import row_name
 from oarlock.mechanics.rows import jacobian as every_row
+from oarlock.poses.assembly import Assembly
 from oarlock.stepping.closing import CONSISTENT
 
 INSET = 1e-10

@@ -12,11 +12,11 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.base.text import quoted
 from oarlock.cases.equality_kinds import unknown
-from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.names import Equality, equalities
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.poses.layout import Layout, RowColumns
 from oarlock.stepping.closing import CONSISTENT, close
 
 

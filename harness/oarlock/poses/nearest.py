@@ -22,10 +22,10 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import choose
-from oarlock.diagnosis.loops.assembly import Assembly
-from oarlock.diagnosis.loops.chart import Chart, Seen, arm_of, bounds, fenced
-from oarlock.diagnosis.loops.paths import path_of, share_dofs
 from oarlock.mechanics.names import element_name
+from oarlock.poses.assembly import Assembly
+from oarlock.poses.chart import Chart, Seen, arm_of, bounds, fenced
+from oarlock.poses.paths import path_of, share_dofs
 
 STARTS, FEWEST, LARGE = 24, 6, 1200
 """Searches from other poses around the given one, for every group: of many coordinates fewer, LARGE over their number,
@@ -163,6 +163,36 @@ def nearest(
         square, detour = square + float(seen.x @ seen.x), detour or roundabout
     names = tuple(element_name(model, _JOINT, joint) for joint in dict.fromkeys(holding))
     return Nearest(found, float(np.sqrt(square)), arm, names, detour, limits)
+
+
+def nearest_kept(
+    model: mujoco.MjModel,
+    given: np.ndarray,
+    data: mujoco.MjData | None = None,
+    *,
+    held: tuple[int, ...] = (),
+    tolerance: float = 0.0,
+) -> tuple[Nearest | None, bool]:
+    """The nearest pose that keeps what can be kept: joints that are held and ranges, else ranges, else neither.
+
+    Args:
+        model: as of ``nearest``; so are the others.
+        given: the pose (nq).
+        data: mocap bodies and which equalities are active.
+        held: joints that stay as they are, where the rest can close.
+        tolerance: of closed groups, m or rad.
+
+    Returns:
+        The pose, None where none closes; and whether the joints were held.
+    """
+    tries = [((), True), ((), False)]
+    if held:
+        tries.insert(0, (held, True))
+    for joints, limits in tries:
+        found = nearest(model, given, data, held=joints, limits=limits, tolerance=tolerance)
+        if found is not None:
+            return found, joints == held
+    return None, False
 
 
 def groups_of(assembly: Assembly) -> list[tuple[list[int], list[int]]]:

@@ -8,9 +8,9 @@ import pytest
 import scipy.optimize
 from gallery import at_start
 from oarlock import InputError, model_names
-from oarlock.diagnosis.loops.nearest import driven_joints, joints_called, nearest, outside_ranges
 from oarlock.diagnosis.loops.poses import nearest_closed
 from oarlock.mechanics.load import load_model
+from oarlock.poses.nearest import driven_joints, joints_called, nearest, outside_ranges
 from places import FIXTURES
 from tolerances import CLOSED
 

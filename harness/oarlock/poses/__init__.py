@@ -1,0 +1,1 @@
+"""A model reduced to its loops, and the closed pose nearest to a given one."""
