@@ -22,6 +22,7 @@ SEEN = {
     "drawn_apart.xml": {"S5", "S6"},
     "stiff_servo.xml": {"A1"},
     "wrong_units.xml": {"A2"},
+    "turned_weld.xml": {"S7"},
     "ringing.xml": {"T6", "L11", "L12"},
 }
 PARTS = {"defaults.xml", "common.xml", "none.xml"}

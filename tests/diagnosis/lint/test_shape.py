@@ -125,3 +125,42 @@ def test_a_keyframe_that_closes_is_not_named():
     text = text_of("drawn_apart.xml").replace('qpos="0.4 0 0.1"', 'qpos="0 0 0"')
     assert "S6" not in {one.code for one in of_text(text, 0)}
     assert only(of_file("drawn_apart.xml"), "S6").figures["gap"] == pytest.approx(0.156, abs=5e-4)
+
+
+# Orientations.
+
+
+def angle(text: str) -> float:
+    """Of the first weld in the model's own pose, rad, by MuJoCo's rows sin(θ/2) n with a torquescale of 1."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return 2.0 * float(np.arcsin(min(1.0, np.linalg.norm(data.efc_pos[3:6]))))
+
+
+GRASP = 'relpose="0 0 0 0 0 -0.4226 0.9063"'
+
+
+def test_a_quaternion_in_the_other_order():
+    """MuJoCo's own rows are open by the angle that is told, and closed with the quaternion that is named."""
+    one, text = only(of_file("turned_weld.xml"), "S7"), text_of("turned_weld.xml")
+    assert one.element == "grasp"
+    assert one.figures["opening"] == pytest.approx(angle(text), abs=1e-6)
+    wanted = " ".join(f"{value:.6g}" for value in one.figures["wanted"])
+    assert f'"{wanted}"' in one.line
+    mended = text.replace(GRASP, f'relpose="0 0 0 {wanted}"')
+    assert angle(mended) == pytest.approx(0.0, abs=1e-4)
+    assert "S7" not in {one.code for one in of_text(mended)}
+
+
+@pytest.mark.parametrize(
+    "relpose",
+    [
+        "",  # as it is drawn
+        'relpose="0 0 0 0.9 0 0 -0.4"',  # off by a little
+        'relpose="0 0 0 0 1 0 0"',  # turned over, and no order of it closes
+        'relpose="0 0 0 0.5 0.5 0.5 0.5"',
+    ],
+)
+def test_other_orientations(relpose):
+    assert "S7" not in {one.code for one in of_text(text_of("turned_weld.xml").replace(GRASP, relpose))}
