@@ -11,6 +11,9 @@ from oarlock.diagnosis.lint import (
     doubled,
     doubtful,
     drawn,
+    locked,
+    opened,
+    opposed,
     pin,
     relpose,
     servo,
@@ -22,6 +25,7 @@ from oarlock.mechanics.load import collected_warnings
 
 LINTS: dict[str, Callable[[View], Iterator[Remark]]] = {
     "contradictory": contradictory.look,
+    "opposed": opposed.look,
     "pin": pin.look,
     "collision": collision.look,
     "servo": servo.look,
@@ -32,6 +36,8 @@ LINTS: dict[str, Callable[[View], Iterator[Remark]]] = {
     "doubled": doubled.look,
     "underdamped": underdamped.look,
     "defined": defined.look,
+    "opened": opened.look,
+    "locked": locked.look,
 }
 """Name of a lint → what it has to say of a model."""
 

@@ -1,7 +1,7 @@
 """S7: a weld whose relative orientation was written in the order x y z w.
 
-MuJoCo's quaternions are w x y z; those of most other programs end with w. A relpose that is read in the other order turns
-the weld by an angle that nothing drawn has, and the identity by half a turn.
+MuJoCo's quaternions are w x y z; those of most other programs end with w. A relpose that is read in the other order
+turns the weld by an angle that nothing drawn has, and the identity by half a turn.
 """
 
 from collections.abc import Iterator

@@ -15,7 +15,6 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import few
-from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.mechanics.names import element_name
@@ -261,20 +260,19 @@ def _remark(view: View, linears: tuple[Linear, Linear], ones: list[Feedback]) ->
     formula = {(True, False): "h²kp/I", (False, True): "2h kv/I"}.get((first.spring > 0.0, first.damper > 0.0))
     said = "" if len(ones) == 1 else f"shakes together with {len(ones) - 1} more; "
     said += f"{formula or 'h²kp/I + 2h kv/I'} {_must(bounds, first, free)} under {closed.order} and is {number:.3g}"
-    said += f"{f' for it alone, {with_loops:.3g} with the loops' if view.equalities else ''}: "
+    said += f"{f' for it alone, {with_loops:.3g} with the loops' if view.equalities else ''}"
+    said += f", by its {next(iter(bounds))}: " if formula is None and len(bounds) == 1 else ": "
     if not shakes:
         said += "here only the loops hold it, as long as it moves slowly"
     elif clamped:
         said += "its force range keeps it finite, and it chatters"
     else:
         said += "the run diverges"
-    if formula is None and len(bounds) == 1:
-        said += f", and {next(iter(bounds))} is why"
     safe = [_below(what, own[what], *found) for what, found in bounds.items()]
     step = _timestep(view, ones)
-    armature, joint = _armature(view, ones)
+    armature = _armature(view, ones)
     late = not closed.taken_late and "kv" in bounds and _bears(view, ones, late=True)
-    safe += [f"armature {armature:.2g} on the joint {quoted(joint)}"] if armature else []
+    safe += [f"armature {armature:.2g} on its joint"] if armature else []
     safe += ["integrator implicitfast"] if late else []
     safe += [f"a timestep of {rounded_down(step * free.h, 2):g} s"] if step else []
     said += f"; stable with {few(safe, last=' or ')}" if safe else "; stable with none of it"
@@ -311,20 +309,18 @@ def rounded_down(value: float, digits: int) -> float:
     return float(f"{math.floor(value / unit + 1e-9) * unit:.{digits}g}")
 
 
-def _armature(view: View, ones: list[Feedback]) -> tuple[float, str]:
-    """What the joint of an actuator would need, kg m² or kg, and its name; 0 where it moves several or is no cure."""
+def _armature(view: View, ones: list[Feedback]) -> float:
+    """What the joint of an actuator would need, kg m² or kg; 0 where it moves several, or that is no cure."""
     dofs = np.flatnonzero(ones[0].direction)
     if len(ones) > 1 or len(dofs) != 1:
-        return 0.0, ""
+        return 0.0
     free, dof = Linear(view.model, view.data, loops=False), int(dofs[0])
     # The direction is along the dof: h²k/I and 2hc/I fall by the same factor 1 + a H.
     needed = MARGIN * (0.25 * _number(ones[0], free.free, free.h) - 1.0) / float(free.free[dof, dof])
     needed = float(f"{needed:.2g}")
     added = np.zeros(view.model.nv)
     added[dof] = needed
-    if needed <= 0.0 or not _bears(view, ones, armature=added):
-        return 0.0, ""
-    return needed, element_name(view.model, mujoco.mjtObj.mjOBJ_JOINT, int(view.model.dof_jntid[dof]))
+    return needed if needed > 0.0 and _bears(view, ones, armature=added) else 0.0
 
 
 def _bears(view: View, ones: list[Feedback], **given: Any) -> bool:
