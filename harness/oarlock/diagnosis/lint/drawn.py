@@ -116,9 +116,10 @@ def _remark(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.
 def _drawing(view: View, data: mujoco.MjData, one: Equality, body: int, geoms: np.ndarray) -> Drawing:
     model = view.model
     weld = model.body_weldid[body]
-    children = [child for child in range(1, model.nbody) if model.body_weldid[model.body_parentid[child]] == weld]
-    own = [joint for joint in range(model.njnt) if model.body_weldid[model.jnt_bodyid[joint]] == weld]
-    theirs = [joint for joint in range(model.njnt) if model.jnt_bodyid[joint] in children]
+    children = np.flatnonzero(model.body_weldid[model.body_parentid] == weld)
+    children = children[children > 0]
+    own = np.flatnonzero(model.body_weldid[model.jnt_bodyid] == weld)
+    theirs = np.flatnonzero(np.isin(model.jnt_bodyid, children))
     others = [
         anchors(model, data, other)[side]
         for other in view.equalities
