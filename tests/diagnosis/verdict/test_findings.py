@@ -52,6 +52,7 @@ NAMES = {
     "L12": "idle",
     "S5": "drawn",
     "S6": "by-definition",
+    "S7": "relpose",
     "A1": "servo",
     "A2": "unit",
     "T6": "under-damped",

@@ -11,6 +11,7 @@ from oarlock.base.errors import few
 from oarlock.base.numbers import finite, percent
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.lint.locked import how_bad
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
@@ -27,9 +28,6 @@ SCALE = 3.0
 
 UNSURE = 0.25
 """Of the drift at its worst moment: a second cause with so large a part is named too."""
-
-MEANT = 0.05
-"""Smallest singular value of a group that is locked, of the largest: above it no small error locked it."""
 
 SAGS = 1.5
 """Times the largest sum of |f r|: a load that is let go takes f r once, and what overshoots is less than half of it. So
@@ -181,7 +179,8 @@ def _beyond_repair(exam: Examination) -> set[str]:
             found_ |= set(groups)
     if exam.dead_point is not None:  # torn: all that follows is the motion of another mechanism
         found_ |= set(exam.dead_point.equalities)
-    wrong = [one for lint in ("contradictory", "pin") for one in exam.remarks.get(lint, []) if one.severity is None]
+    lints = ("contradictory", "opposed", "pin")
+    wrong = [one for lint in lints for one in exam.remarks.get(lint, []) if one.severity is None]
     locked = {groups.get(name) for one in wrong for name in (one.element, *one.figures["also"])}
     return found_ | {name for name, group in groups.items() if group in locked}
 
@@ -245,18 +244,10 @@ def _implicit(exam: Examination, place: int) -> float:
 
 
 def lock(exam: Examination, one: Mobility) -> Severity | None:
-    """How bad a lock is; None: as the catalogue has it.
-
-    A note where it is meant, of a single joint or to a mocap body; a warning where its rows are far from redundant, so
-    that no small error made it.
-    """
+    """How bad a lock is; None: as the catalogue has it."""
     assert exam.pose is not None
-    if exam.pose.tilts:
-        return None
     own = [loop for loop in exam.pose.loops.loops if loop.name in one.equalities]
-    single = all(len(loop.path.joints) <= 1 for loop in own)
-    mocap = any(exam.model.body_mocapid[body] >= 0 for loop in own for body in loop.equality.bodies)
-    return "note" if single or mocap else "warning" if one.kept > MEANT else None
+    return how_bad(exam.model, own, exam.pose.tilts, one.kept)
 
 
 def _jammed(exam: Examination) -> bool:

@@ -14,6 +14,7 @@ from oarlock.base.numbers import percent
 from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.lint import locked, opened
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.pushes import Push
@@ -23,10 +24,6 @@ from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.names import element_name
-from oarlock.stepping.closing import CONSISTENT
-
-ROUNDED = 1e-5
-"""m or rad, and per s: what six digits of a file leave open in a mechanism of some metres. No user's mistake."""
 
 _PAIRS = 3
 """So many pairs of rows that say the same are named."""
@@ -69,8 +66,8 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
 
 # What is seen without a run.
 
-_SAID = {"L9": "S3", "L10": "S3", "L12": "L3"}
-"""Code of a remark → that of a finding which says the same of its equality, only less of it."""
+_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4",), "S7": ("S3", "S4")}
+"""Code of a remark → those of findings which say the same of its equality, only less of it, or what comes of it."""
 
 
 def _lint(exam: Examination) -> Iterator[Finding]:
@@ -82,10 +79,10 @@ def _lint(exam: Examination) -> Iterator[Finding]:
 def _unsaid(exam: Examination, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Findings but those of which a lint said the cause."""
     said = {
-        (_SAID[one.code], name)
+        (code, name)
         for remarks in exam.remarks.values()
         for one in remarks
-        if one.code in _SAID
+        for code in _SAID.get(one.code, ())
         for name in (one.element, *one.figures.get("also", ()))
     }
     for one in findings:
@@ -180,8 +177,7 @@ def _start(exam: Examination) -> Iterator[Finding]:
         return
     for one in pose.mobility:
         if one.locked:
-            frees = [f"it would move without {' or '.join(quoted(name) for name in one.frees)}"] if one.frees else []
-            said = "; ".join(["closed, and nothing of its loop can move", *tilts, *frees])
+            said = locked.sentence(pose.tilts, one.equalities, one.frees)
             severity = blame.lock(exam, one)
             figures = {"also": list(one.equalities[1:]), "dof": one.dof, "kept": one.kept}
             yield found("S3", file, said, element=one.equalities[0], severity=severity, **figures)
@@ -190,26 +186,14 @@ def _start(exam: Examination) -> Iterator[Finding]:
 
 
 def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
-    worst = max(pose.openings, key=lambda one: one.largest)
-    fastest = max(pose.speeds, key=lambda one: one.largest)
-    element, said = fastest.equality, []
-    if worst.largest > CONSISTENT:
-        element = worst.equality
-        said = [f"stands open by {worst} at the start"]
-        if pose.moved_joint:
-            by = f"{pose.moved:.3g}{_unit(exam, pose)}"
-            said.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {by}")
-        if pose.outside:
-            said.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
-    if fastest.largest > CONSISTENT:
-        whose = "" if fastest.equality == element else f"{quoted(fastest.equality)} "
-        said.append(f"{whose}comes apart at {fastest.told('/s')} at the start")
-    size = max(worst.largest, fastest.largest)
-    if size <= ROUNDED:
-        said.append("as a file of six digits leaves it")
-    figures = {"opening": worst.largest, "speed": fastest.largest, "moved": pose.moved}
-    severity: Severity | None = "note" if size <= ROUNDED else None
-    return found("S1", exam.file, "; ".join(said), element=element, severity=severity, **figures)
+    more = []
+    if pose.moved_joint:
+        more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g}{_unit(exam, pose)}")
+    if pose.outside:
+        more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
+    one = opened.of(pose.openings, pose.speeds, more)
+    figures = {**one.figures, "moved": pose.moved}
+    return found("S1", exam.file, one.line, element=one.element, severity=one.severity, **figures)
 
 
 def _unit(exam: Examination, pose: ClosedPose) -> str:
@@ -299,7 +283,8 @@ def _fights(exam: Examination) -> Iterator[Finding]:
         )
         yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
     if exam.stops is not None:
-        said = f"{few(list(exam.stops.limits), last='')} leave none of {exam.stops.dof} degrees of freedom"
+        whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
+        said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole}"
         yield found("C3", exam.file, said, dof=exam.stops.dof)
 
 
