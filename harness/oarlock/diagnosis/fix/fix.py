@@ -13,12 +13,13 @@ from typing import Any
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import finite
+from oarlock.base.text import quoted
 from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import write_changed
 from oarlock.diagnosis.edit.place import require_place
 from oarlock.diagnosis.examination import Examination, begin, examine
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.search import Choice, choose_changes, described, drifts, quoted
+from oarlock.diagnosis.fix.search import Choice, choose_changes, described, drifts
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial, run_trial
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.diagnosis.verdict.verdicts import judge
@@ -248,4 +249,4 @@ def opens(trial: Trial) -> str:
     """What opens, and how far, in words."""
     if not math.isfinite(trial.drift):
         return f"the run diverges: {trial.end.message}"
-    return f"{quoted(str(trial.row))} opens by {drifts(trial)}"
+    return f"{quoted(trial.equality.name)} opens by {drifts(trial)}"

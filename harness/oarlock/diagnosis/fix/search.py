@@ -7,6 +7,7 @@ import mujoco
 
 from oarlock.base.errors import InputError
 from oarlock.base.numbers import short
+from oarlock.base.text import quoted
 from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.edit.keyframe import new_name
@@ -209,8 +210,3 @@ def _settings_in_words(bench: Bench, change: Settings) -> str:
     count = sum(1 for one in equalities(bench.base.model) if one.kind.known)
     of = f" of {'the equality' if count == 1 else f'{count} equalities'}" if given else ""
     return ", ".join([*options, *([" and ".join(given) + of] if given else [])])
-
-
-def quoted(name: str) -> str:
-    """A name in quotes, unless it has some in it."""
-    return name if "'" in name else f"'{name}'"

@@ -15,14 +15,14 @@ from typing import Literal
 import mujoco
 
 from oarlock.base.errors import InputError
+from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.loops.layout import Layout, Row
+from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.options import BUDGET_S
 from oarlock.diagnosis.runs.budget import Budget, CutShortError
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_trial
 from oarlock.mechanics.curvature import bends
-from oarlock.mechanics.names import equalities
 from oarlock.mechanics.prepare import integrator_of
 
 STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
@@ -143,7 +143,7 @@ def recipe(
     max_steps: int = MAX_STEPS,
     budget_s: float = BUDGET_S,
 ) -> Recipe:
-    """Finds settings that keep every row within a target, by runs of MuJoCo alone.
+    """Finds settings that keep every equality within a target, by runs of MuJoCo alone.
 
     Args:
         model: the user's; it is left alone.
@@ -440,18 +440,14 @@ class _Search:
         if not math.isfinite(best.drift):
             return f"no run so far stays finite: {best.end.message}"
         if best.drift > self._target:
-            return f"'{best.row}' opens by {best.drift:.2g} {best.unit} at best so far"
+            return f"{quoted(best.equality.name)} opens by {best.drift:.2g} {best.unit} at best so far"
         own = f"'{best.label}' at {best.setting.timestep_s:g} s holds from the user's own start"
         tried = self._tried(best.setting, starts)
         worst = max(tried, key=lambda trial: trial.drift, default=best)
         if worst.drift > self._target:
-            opened = f"'{worst.row}' opens by {worst.drift:.2g} {worst.unit}"
+            opened = f"{quoted(worst.equality.name)} opens by {worst.drift:.2g} {worst.unit}"
             return f"{own}, but from a disturbed one {opened if math.isfinite(worst.drift) else 'the run diverges'}"
         return f"{own}, and {len(tried)} of {len(starts)} disturbed ones were tried"
-
-    def _bends(self, row: Row) -> bool:
-        named = [one for one in equalities(self._model) if (one.name, one.kind) == (row.equality, row.kind)]
-        return any(bends(self._model, one) for one in named)
 
     def _failure(self, best: Trial, verified: list[Trial]) -> str:
         said = []
@@ -459,9 +455,9 @@ class _Search:
         if not math.isfinite(best.drift):
             said.append(f"no run stays finite: {best.end.message}")
         elif best.drift <= self._target:
-            said.append(f"from a disturbed start '{worst.row}' opens by {worst.drift:.2g} {worst.unit}")
+            said.append(f"from a disturbed start {quoted(worst.equality.name)} opens by {worst.drift:.2g} {worst.unit}")
         else:
-            said.append(f"'{best.row}' opens by {best.drift:.2g} {best.unit} at best")
+            said.append(f"{quoted(best.equality.name)} opens by {best.drift:.2g} {best.unit} at best")
         if self._refused:
             said.append(self._refused)
         elif math.isfinite(best.drift) and best.drift > self._target:
@@ -470,6 +466,7 @@ class _Search:
                 if self._floored
                 else f"smaller timesteps help, and no more than {CORRECTIONS} one after another are tried"
             )
-        if worst.row.kind.leaves_curvature_out and self._bends(worst.row):
-            said.append(f"MuJoCo leaves J̇v out on rows of a {worst.row.kind} equality, and no softness makes up for it")
+        kind = worst.equality.kind
+        if kind.leaves_curvature_out and bends(self._model, worst.equality):
+            said.append(f"MuJoCo leaves J̇v out on rows of a {kind} equality, and no softness makes up for it")
         return "; ".join(said)

@@ -8,14 +8,15 @@ import numpy as np
 
 from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.loops.layout import Layout, Row, RowColumns
+from oarlock.diagnosis.loops.gaps import gaps
+from oarlock.diagnosis.loops.layout import Layout, RowColumns
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.flexes import without_flexes
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
-from oarlock.mechanics.names import equalities
+from oarlock.mechanics.names import Equality, equalities
 from oarlock.mechanics.prepare import integrator_of, set_integrator
 from oarlock.stepping.closing import close
 from oarlock.stepping.projection import Projector
@@ -111,9 +112,9 @@ class Trial:
     Attributes:
         label: what the setting is, in a word or two.
         start: name of the start.
-        drift: largest deviation of any row over the run, m or rad; infinite if it diverged.
-        row: which one; time_s: when.
-        opening: largest deviation of any row at the start, m or rad.
+        drift: largest gap of any equality over the run, m or rad, as of ``gaps``; infinite if it diverged.
+        equality: whose it is; unit: of it; time_s: when.
+        opening: largest gap of any equality at the start, m or rad.
         energy_error: largest energy that came from nowhere, J, as ``Recording.energy_error``; kinetic_energy: the
             largest, J.
         steps: of the run, had it stayed finite; taken: those that it took.
@@ -125,7 +126,8 @@ class Trial:
     setting: Setting
     start: str
     drift: float
-    row: Row
+    equality: Equality
+    unit: str
     time_s: float
     opening: float
     energy_error: float
@@ -135,11 +137,6 @@ class Trial:
     end: End
     cost: float | None = None
     predicted: float | None = None
-
-    @property
-    def unit(self) -> str:
-        """Of the drift."""
-        return self.row.unit
 
     @property
     def evaluations(self) -> int:
@@ -181,7 +178,7 @@ def run_trial(
     layout = Layout.of(own, data.eq_active)
     columns, block = RowColumns(layout), np.zeros((_BLOCK, layout.rows))
     energy, power = np.zeros((steps, 2)), np.zeros(steps)
-    worst, row, at, taken, opening = 0.0, 0, 0, 0, 0.0
+    worst, taken = _Worst(own, layout), 0
     with np.errstate(all="ignore"), collected_warnings():
         for step in walk(own, data, drive(own, laws), steps):
             if tick is not None:
@@ -193,23 +190,21 @@ def run_trial(
             else:
                 block[slot] = 0.0
                 block[slot, columns.of(data)] = data.efc_pos[columns.rows(data)]
-            if step == 0:
-                opening = float(np.abs(block[0]).max(initial=0.0))
             taken = step + 1
-            if slot == _BLOCK - 1 or taken == steps:
-                worst, row, at = _worst(block[: slot + 1], taken, worst, row, at)
-        if taken < steps:
-            worst, row, at = _worst(block[: taken % _BLOCK], taken, worst, row, at)
+            if slot == _BLOCK - 1:
+                worst.see(block)
+        worst.see(block[: taken % _BLOCK])
     finished = taken == steps
     errors = energy_error(energy[:taken], power[:taken], setting.timestep_s)
     return Trial(
         label=label,
         setting=setting,
         start=start.name,
-        drift=worst if finished else float("inf"),
-        row=layout.named[row],
-        time_s=at * setting.timestep_s,
-        opening=opening,
+        drift=worst.size if finished else float("inf"),
+        equality=worst.equality,
+        unit=worst.unit,
+        time_s=worst.step * setting.timestep_s,
+        opening=worst.opening,
         energy_error=float(np.abs(errors).max(initial=0.0)),
         kinetic_energy=float(energy[:taken, 1].max(initial=0.0)),
         steps=steps,
@@ -227,12 +222,26 @@ def _data(model: mujoco.MjModel, start: Start) -> mujoco.MjData:
     return data
 
 
-def _worst(block: np.ndarray, taken: int, worst: float, row: int, at: int) -> tuple[float, int, int]:
-    if block.size == 0:
-        return worst, row, at
-    step, column = np.unravel_index(int(np.abs(block).argmax()), block.shape)
-    size = float(abs(block[step, column]))
-    return (size, int(column), taken - len(block) + int(step)) if size > worst else (worst, row, at)
+class _Worst:
+    """The largest gap of a run, whose rows come block by block."""
+
+    def __init__(self, model: mujoco.MjModel, layout: Layout):
+        self._model, self._layout, self._seen = model, layout, 0
+        self.size, self.step, self.opening = 0.0, 0, 0.0
+        self.equality = layout.equalities[0]
+        self.unit = "m" if self.equality.kind.joins_points else self.equality.unit
+
+    def see(self, block: np.ndarray) -> None:
+        """Looks at the next rows, (steps, rows)."""
+        for place, equality in enumerate(self._layout.equalities if len(block) else ()):
+            for unit, sizes in gaps(self._model, equality, block[:, self._layout.of_equality(place)]).items():
+                if not self._seen:
+                    self.opening = max(self.opening, float(sizes[0]))
+                at = int(sizes.argmax())
+                if sizes[at] > self.size:
+                    self.size, self.step = float(sizes[at]), self._seen + at
+                    self.equality, self.unit = equality, unit
+        self._seen += len(block)
 
 
 def disturbed(model: mujoco.MjModel, start: Start, seed: int) -> Start | None:
