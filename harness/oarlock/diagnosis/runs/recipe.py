@@ -21,7 +21,7 @@ from oarlock.diagnosis.loops.layout import Layout
 from oarlock.diagnosis.options import BUDGET_S
 from oarlock.diagnosis.runs.budget import Budget, CutShortError
 from oarlock.diagnosis.runs.solving import Solving
-from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_trial
+from oarlock.diagnosis.runs.trials import Made, Setting, Start, Trial, disturbed
 from oarlock.mechanics.curvature import bends
 from oarlock.mechanics.prepare import integrator_of
 
@@ -142,6 +142,7 @@ def recipe(
     seeds: tuple[int, ...] = SEEDS,
     max_steps: int = MAX_STEPS,
     budget_s: float = BUDGET_S,
+    made: Made | None = None,
 ) -> Recipe:
     """Finds settings that keep every equality within a target, by runs of MuJoCo alone.
 
@@ -154,6 +155,7 @@ def recipe(
         seeds: of the disturbed starts that the outcome is verified from.
         max_steps: of a run.
         budget_s: for all runs, as of ``Budget``; one that does not fit into what is left is not begun.
+        made: runs of before; one of them is charged as if it were made anew, so that what is chosen is the same.
 
     Raises:
         InputError: the target or the duration is not a finite number above 0.
@@ -161,7 +163,7 @@ def recipe(
     for what, value in (("target", target), ("duration_s", duration_s)):
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{what} = {value:g}, expected a finite number > 0")
-    return _Search(model, start, laws, target, duration_s, max_steps, Budget(budget_s)).run(seeds)
+    return _Search(model, start, laws, target, duration_s, max_steps, Budget(budget_s), made or Made()).run(seeds)
 
 
 _Family = tuple[str, str]
@@ -180,11 +182,12 @@ class _Search:
         duration_s: float,
         max_steps: int,
         budget: Budget,
+        made: Made,
     ):
         self._model, self._start, self._laws = model, start, laws
         self._target, self._duration_s, self._max_steps = target, duration_s, max_steps
         self._size = Layout.of(model).rows + model.nv
-        self._budget = budget
+        self._budget, self._made = budget, made
         self._refused = self._short = ""
         self._floored = False
         self._solving: Solving | None = None
@@ -281,7 +284,7 @@ class _Search:
                 first |= {family: self._first(family, timestep) for family in extra}
         for family, trial in sorted(first.items(), key=lambda item: self._expected(item[1])):
             held = [one for one in self._own_trials() if one.drift <= self._target]
-            if trial and (not held or self._expected(trial) < min(one.evaluations for one in held)):
+            if trial and (not held or ALIKE * self._expected(trial) < min(one.evaluations for one in held)):
                 self._refine(family, trial)
         return self._cheapest(self._own_trials())
 
@@ -393,7 +396,7 @@ class _Search:
         predicted: float | None = None,
         tick: Callable[[], None] | None = None,
     ) -> Trial:
-        trial = run_trial(self._model, setting, start, self._laws, self._duration_s, label, predicted, tick)
+        trial = self._made.run(self._model, setting, start, self._laws, self._duration_s, label, predicted, tick)
         self._budget.spend(trial.taken, trial.taken * setting.evaluations, self._size)
         self._trials.append(trial.against(self._trials[0] if self._trials else trial))
         return self._trials[-1]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from hashlib import blake2b
 
 import mujoco
 import numpy as np
@@ -147,6 +148,33 @@ class Trial:
         """With its cost relative to another trial's."""
         finished = self.end.how == "finished"
         return replace(self, cost=self.evaluations / authored.evaluations if finished else None)
+
+
+class Made:
+    """Runs that were made: one that is asked for again is not made again."""
+
+    def __init__(self):
+        self._made: dict[tuple[object, ...], Trial] = {}
+
+    def run(
+        self,
+        model: mujoco.MjModel,
+        setting: Setting,
+        start: Start,
+        laws: dict[str, str],
+        duration_s: float,
+        label: str,
+        predicted: float | None = None,
+        tick: Callable[[], None] | None = None,
+    ) -> Trial:
+        """As ``run_trial``; what decides about a run is compared bit for bit, all of the model included."""
+        buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, buffer)
+        state = tuple(None if part is None else part.tobytes() for part in (start.qpos, start.qvel, start.act))
+        key = (blake2b(buffer).digest(), setting, state, tuple(laws.items()), duration_s)
+        if key not in self._made:
+            self._made[key] = run_trial(model, setting, start, laws, duration_s, label, predicted, tick)
+        return replace(self._made[key], label=label, start=start.name, predicted=predicted, cost=None)
 
 
 def run_trial(
