@@ -14,6 +14,7 @@ import oarlock
 import pytest
 from mechanisms import four_bar, write_model
 from oarlock import InputError
+from oarlock.base.numbers import figure
 from oarlock.diagnosis.examination import begin, examine
 from oarlock.diagnosis.fix.fix import fix_model
 from oarlock.diagnosis.lint.collision import Collision
@@ -150,6 +151,50 @@ def test_a_start_that_is_open_is_closed_in_its_own_keyframe(tmp_path):
     assert (model.nkey, model.key_ctrl[0, 0]) == (1, 0.4)
     assert "S1" in fix.mended
     assert {one.code for one in fix.left} & {"S1", "D1", "D3"} == set()
+
+
+def test_changed_lines_lead_from_the_model_to_the_copy(tmp_path):
+    source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
+    source.write_text(four_bar(pivot="0.69 0 0"))
+    fix, _ = fixed(source, out, duration=0.3, target=1e-5)
+    lines = source.read_text().splitlines()
+    assert [one.file for one in fix.lines] == ["fixed.xml"] * len(fix.lines)
+    assert {one.before is None for one in fix.lines} == {True, False}
+    for one in sorted(fix.lines, key=lambda one: one.number, reverse=True):
+        if one.before is not None:
+            assert lines[one.number - 1] == one.before
+            lines[one.number - 1] = one.after
+    added = {}
+    for one in fix.lines:
+        if one.before is None:
+            added.setdefault(one.number, []).append(one.after)
+    for number, new in sorted(added.items(), reverse=True):
+        lines[number:number] = new
+    assert lines == out.read_text().splitlines()
+
+
+def test_the_page_has_a_chapter_on_the_fix(tmp_path):
+    (tmp_path / "model.xml").write_text(SERVO)
+    checked = oarlock.check(tmp_path / "model.xml", duration=0.3, target=1e-5)
+    checked.report(tmp_path / "before")
+    assert "What the fix changed" not in (tmp_path / "before" / "README.md").read_text()
+    fix = checked.fix(tmp_path / "fixed.xml")
+    checked.report(tmp_path / "page")
+    html, text = ((tmp_path / "page" / name).read_text() for name in ("index.html", "README.md"))
+    assert '<h2 id="fixed">7. What the fix changed</h2>' in html
+    chapter = text.split("## 7. What the fix changed")[1]
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in chapter.splitlines() if line.startswith("|")]
+    changed = [row for row in rows if row[0] == "fixed.xml"]
+    assert [row[1] for row in changed] == [str(one.number) for one in fix.lines]
+    assert "<key name=" in changed[-1][2].replace("\\", "")
+    told = next(row for row in rows if row[0] == "the user's controls")
+    assert told[1:] == [figure(fix.before.drift, "m"), figure(fix.after.drift, "m")]
+    assert "Not found any more" in chapter
+
+
+@pytest.mark.parametrize("code", ["S1", "C4", "D1"])
+def test_what_a_fix_mends_says_so(oarlock_here, code):
+    assert "--fix OUT.xml" in oarlock_here("explain", code).stdout
 
 
 def test_a_start_that_is_no_keyframe_becomes_the_first_one(tmp_path):
