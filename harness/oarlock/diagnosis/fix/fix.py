@@ -36,6 +36,9 @@ CLAIMS = {
 }
 """Kind of change → codes of findings that it is to mend."""
 
+MENDED = {code for codes in CLAIMS.values() for code in codes}
+"""Codes that some change is to mend."""
+
 
 @dataclass(frozen=True)
 class Changed:
@@ -139,6 +142,8 @@ class Fix:
             yield f"mended  {few(list(self.mended))}"
         for finding in self.left:
             yield f"left  {finding.severity} {finding.code} {finding.name}  {finding.element}: {finding.line}"
+        if codes := dict.fromkeys(one.code for one in self.left if one.code not in MENDED):
+            yield f"left to you, for no change mends it: see {few([f'`oarlock explain {code}`' for code in codes])}"
         for said in filter(None, (self.reason, self.elsewhere_reason)):
             yield f"not reached  {said}"
         for path in self.written[:-1]:
