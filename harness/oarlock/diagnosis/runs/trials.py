@@ -174,7 +174,7 @@ class Made:
         buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
         mujoco.mj_saveModel(model, None, buffer)
         state = tuple(None if part is None else part.tobytes() for part in (start.qpos, start.qvel, start.act))
-        key = (blake2b(buffer).digest(), setting, state, tuple(laws.items()), duration_s)
+        key = (blake2b(buffer.tobytes()).digest(), setting, state, tuple(laws.items()), duration_s)
         if key not in self._made:
             self._made[key] = run_trial(model, setting, start, laws, duration_s, label, predicted, tick)
         return replace(self._made[key], label=label, start=start.name, predicted=predicted, cost=None)
