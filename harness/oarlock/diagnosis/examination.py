@@ -34,7 +34,7 @@ from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
-from oarlock.diagnosis.runs.trials import Start
+from oarlock.diagnosis.runs.trials import Made, Start
 from oarlock.diagnosis.runs.without import Without, find_without
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
@@ -105,6 +105,7 @@ class Examination:
         fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         missing: part → why it is not there.
+        made: trials, for those that look for more.
     """
 
     file: str
@@ -144,6 +145,7 @@ class Examination:
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
     missing: dict[str, str] = field(default_factory=dict)
+    made: Made = field(default_factory=Made)
 
     @property
     def timestep_s(self) -> float:
@@ -390,7 +392,13 @@ def _remedy(found: Examination) -> None:
         start = Start(found.pose.qpos, found.pose.qvel, found.act)
         with _Reason(found, "remedy"):
             found.recipe = recipe(
-                found.model, start, found.laws, found.target, found.duration_s, budget_s=found.options.budget
+                found.model,
+                start,
+                found.laws,
+                found.target,
+                found.duration_s,
+                budget_s=found.options.budget,
+                made=found.made,
             )
 
 

@@ -35,8 +35,9 @@ def examined(file: Path | str, wish: CheckOptions | None = None, **options) -> A
 
 @cache
 def as_it_is(name: str) -> tuple[Any, list[Finding]]:
-    """A fixture with one target for all; grippers, whose keyframe leaves them at rest, are driven."""
-    wish = CheckOptions(target=TARGET, controls="random" if name.startswith("gripper_2f") else None)
+    """A fixture with one target for all that reach it; grippers, whose keyframe leaves them at rest, are driven."""
+    target = None if name == "thirty_equalities.xml" else TARGET  # runs that reach it do not fit into the budget
+    wish = CheckOptions(target=target, controls="random" if name.startswith("gripper_2f") else None)
     exam = examined(CHECK / name, wish)
     return exam, judge(exam)
 

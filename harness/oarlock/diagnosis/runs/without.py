@@ -15,7 +15,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.gaps import Opening, opening
+from oarlock.diagnosis.loops.gaps import Opening, gaps, opening
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import stability
 from oarlock.diagnosis.runs.walking import walk
@@ -123,6 +123,5 @@ def _left(recording: Recording, place: int, position: np.ndarray) -> Opening:
 
 def _worst(model: mujoco.MjModel, equality: Equality, rows: np.ndarray) -> tuple[Opening, int]:
     """The largest gap of an equality, of its points or of its angle, whichever is larger; and the step."""
-    parts = [rows[:, :3], rows[:, 3:]] if rows.shape[1] == 6 else [rows]
-    instants = {int(np.linalg.norm(part, axis=1).argmax()) for part in parts}
+    instants = {int(sizes.argmax()) for sizes in gaps(model, equality, rows).values()}
     return max(((opening(model, equality, rows[at]), at) for at in instants), key=lambda one: one[0].largest)

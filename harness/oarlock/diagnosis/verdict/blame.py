@@ -312,12 +312,12 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         return
     if not recipe.reached:
         said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
-        yield found("T3", exam.file, said, element=after.row.equality, **figures)
+        yield found("T3", exam.file, said, element=after.equality.name, **figures)
         return
     whence = "" if before.start == recipe.authored.start else ", from a disturbed start"
     if exam.pose is not None and not exam.pose.consistent and not whence:
         whence = ", both from the closed start and not from the open one that is given (S1)"
-    parts = [f"no row off by more than {held(after)} in place of {held(before)}{whence}"]
+    parts = [f"no loop opens by more than {held(after)} in place of {held(before)}{whence}"]
     if recipe.authored.end.how == "finished" and np.isfinite(chosen.energy_error):
         parts.append(f"energy error {chosen.energy_error:.2g} J in place of {recipe.authored.energy_error:.2g} J")
     parts.append(f"at {_cost(chosen)}")
