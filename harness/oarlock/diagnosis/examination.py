@@ -35,7 +35,7 @@ from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.trials import Start
-from oarlock.diagnosis.runs.without import Without, find_without
+from oarlock.diagnosis.runs.without import Without, find_fed, find_without, starving
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
@@ -85,7 +85,7 @@ class Examination:
         recipe: what would hold it.
         reactions: which are unique.
         size: of the loops at the closed start, m.
-        without: what is left of the drift where time stepping is taken away.
+        without: what is left of the drift where time stepping, or a solver that stops early, is taken away.
         pace: the joint that turns furthest within a step.
         dead_point: a joint that MuJoCo takes beyond what the loops admit.
         branch: another branch that MuJoCo's run ends on.
@@ -333,6 +333,8 @@ def _exact_model(found: Examination) -> mujoco.MjModel:
 def _causes(found: Examination) -> None:
     if found.recording is None or not found.recording.steps:
         return
+    if found.recording.end.how == "diverged":
+        found.without = find_fed(found.recording, found.steps)
     with _Reason(found, "causes"):
         attribution = attribute(found.recording)
         if attribution.holds:
@@ -352,12 +354,19 @@ def _taken_away(found: Examination, attribution: Attribution) -> None:
     if recording.end.how != "finished" or found.pose is None:
         return
     drifting = {one.equality for one in found.drifts if one.level == "position" and one.largest > found.target}
-    if any(one.leading == "stepping" and one.name in drifting for one in attribution.shares):
-        found.without = find_without(recording)
+    found.without = find_fed(recording, found.steps) if drifting else []
+    if any(one.leading == "stepping" and one.name in drifting - starved(found) for one in attribution.shares):
+        found.without += find_without(recording)
     opened = {one.equality for one in found.pose.openings if one.largest > CONSISTENT}
     if opened and found.closed:
         least = max(found.target, VISIBLE)
         found.lasting = find_lasting(attribution, opened, least)
+
+
+def starved(found: Examination) -> set[str]:
+    """Equalities that open mostly because MuJoCo's solver stops early, by a run with one that is enough."""
+    worst = {one.equality: one.largest for one in found.drifts if one.level == "position"}
+    return {name for name, largest in worst.items() if starving(found.without, name, largest) is not None}
 
 
 def _remedy(found: Examination) -> None:

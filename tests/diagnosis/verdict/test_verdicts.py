@@ -76,7 +76,7 @@ FOUND = {
     "short_arm.xml": {"S2", "L3"},
     "thirty_equalities.xml": {"S3", "D1", "D2", "D5", "V2", "T1", "L3", "L6"},
     "fast_crank.xml": {"D8", "D3", "E1", "T1", "L3"},
-    "starved_rods.xml": {"D4", "D6", "T1"},
+    "starved_rods.xml": {"D6", "T1"},
     "torn_linkage.xml": {"U4", "D8", "T1", "L3"},
     "tilted_hinge.xml": {"S3", "D1", "D5", "T1"},
     "drawn_apart.xml": {"S5", "S1", "S6", "L3", "T1"},

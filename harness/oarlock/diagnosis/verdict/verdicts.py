@@ -54,7 +54,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         _run,
         motions.pace,
         blame.drift,
-        motions.starved,
+        motions.unfed,
         blame.energy,
         blame.remedy,
         _motion,
@@ -331,7 +331,8 @@ def _motion(exam: Examination) -> Iterator[Finding]:
     singular = [event for event in exam.history.events if event.kind == "singular"]
     for event in singular[:1]:
         more = {0: "", 1: " and once more"}.get(len(singular) - 1, f" and {len(singular) - 1} more times")
-        said = f"{in_words(list(event.equalities))}: rank {exam.history.rank} falls to {event.rank}"
+        others = f"with {in_words(list(event.equalities[1:]))}, " if event.equalities[1:] else ""
+        said = f"{others}rank {exam.history.rank} falls to {event.rank}"
         said += f" at t = {event.time_s:.6g} s{more}"
         times = ", ".join(f"{one.time_s:.10g}" for one in singular)
         yield found("L5", exam.file, said, element=event.equalities[0], also=list(event.equalities[1:]), times_s=times)
