@@ -34,6 +34,7 @@ from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
+from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
 from oarlock.diagnosis.runs.trials import Start
 from oarlock.diagnosis.runs.without import Without, find_fed, find_without, starving
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
@@ -92,6 +93,7 @@ class Examination:
         lasting: what stays open for good behind an open start.
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
+        stopped: limits that open an equality of their loop in MuJoCo's run.
         fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         missing: part → why it is not there.
@@ -130,6 +132,7 @@ class Examination:
     lasting: list[Lasting] = field(default_factory=list)
     lags: tuple[Lag, ...] = ()
     stops: Stops | None = None
+    stopped: tuple[Stopped, ...] = ()
     fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
@@ -307,6 +310,9 @@ def _run(found: Examination) -> None:
         found.drifts = find_drifts(found.recording, found.exact)
         with _Reason(found, "collisions"):
             _collisions(found)
+        if found.closed and found.recording.steps:
+            least = max(found.target, VISIBLE)
+            found.stopped = find_stopped(found.recording, found.drifts, found.pose.loops, least)
         found.lags = find_lags(found.recording, VISIBLE)
         found.pace = find_pace(found.recording, found.exact)
         if found.closed and found.recording.steps:

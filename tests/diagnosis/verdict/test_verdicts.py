@@ -84,6 +84,7 @@ FOUND = {
     "pin_collision.xml": {"C4", "C1", "D1", "R2", "U3", "L3", "T1"},
     "ringing.xml": {"L11", "L12", "T6", "L2", "D1", "U1", "L3", "L4", "T1", "V1"},
     "stiff_servo.xml": {"A1", "R1", "L3", "T1"},
+    "short_range.xml": {"C5", "D1", "D5", "R2", "T1"},
     "two_walls.xml": {"S2"},
     "welded_pin.xml": {"L10", "L3", "T1"},
     "wrong_units.xml": {"A2", "S1", "R2", "T1"},

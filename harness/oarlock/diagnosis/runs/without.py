@@ -153,18 +153,24 @@ def _without(
             taken = step + 1
     if taken < parts * steps:
         return Without(cause, {})
-    left = {one.name: _left(recording, place, position) for place, one in enumerate(layout.equalities)}
+    left = {one.name: left_about(recording, place, position) for place, one in enumerate(layout.equalities)}
     return Without(cause, left)
 
 
-def _left(recording: Recording, place: int, position: np.ndarray) -> Opening:
-    """The largest gap of an equality about the moment at which it was worst."""
+def left_about(recording: Recording, place: int, position: np.ndarray) -> Opening:
+    """The largest gap of an equality in another run (steps, rows), about the moment at which it was worst in this one."""
     rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
+    return _worst(recording.model, equality, position[about(recording, place), rows])[0]
+
+
+def about(recording: Recording, place: int) -> slice:
+    """Steps about the moment at which an equality was worst; all of them where the run diverged."""
     if recording.end.how != "finished":
-        return _worst(recording.model, equality, position[:, rows])[0]
+        return slice(None)
+    rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
     _, worst = _worst(recording.model, equality, recording.position[:, rows])
     around = max(2, int(ABOUT * recording.steps))
-    return _worst(recording.model, equality, position[max(0, worst - around) : worst + around + 1, rows])[0]
+    return slice(max(0, worst - around), worst + around + 1)
 
 
 def _worst(model: mujoco.MjModel, equality: Equality, rows: np.ndarray) -> tuple[Opening, int]:
