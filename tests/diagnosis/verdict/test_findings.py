@@ -46,6 +46,7 @@ NAMES = {
     "C2": "friction-lag",
     "C3": "locked-by-limits",
     "C4": "collision",
+    "C5": "stopped",
     "L9": "contradictory",
     "L10": "pin",
     "L11": "doubled",

@@ -17,8 +17,9 @@ from oarlock.diagnosis.loops.mobility import Mobility
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
 from oarlock.diagnosis.runs.recipe import LOST, Recipe
 from oarlock.diagnosis.runs.row_law import Share
+from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.trials import Setting, Trial
-from oarlock.diagnosis.runs.without import Without
+from oarlock.diagnosis.runs.without import MOST, Without, starving
 from oarlock.diagnosis.verdict.causes import CAUSE, IMPLICIT, Cause
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found
 from oarlock.mechanics.rows import closing_jacobian
@@ -82,6 +83,8 @@ def drift(exam: Examination) -> Iterator[Finding]:
         if share.name in beyond or share.leading == "start":  # the start has its own finding
             continue
         part = _part(exam, share, worst)
+        if part is None:
+            continue
         causes.setdefault((part.cause.code, groups.get(share.name, -1)), []).append((share, worst, part))
     for (code, _), members in causes.items():
         share, worst, part = max(members, key=lambda one: abs(one[0].worst))
@@ -108,17 +111,27 @@ class Part:
 
     Attributes:
         cause: in words, with its code.
-        size: of the whole, 0 to 1: what taking it away saves, or where that is not measured, its part by the row law.
+        size: of the whole, 0 to 1: what taking it away saves, or where that is not measured, its part by the row law;
+            None where a run without it is not to be had, and the row law does not tell it from others.
         left: what is left without it, in words; empty where that is not measured.
     """
 
     cause: Cause
-    size: float
+    size: float | None
     left: str = ""
 
 
-def _part(exam: Examination, share: Share, worst: Drift) -> Part:
+def _part(exam: Examination, share: Share, worst: Drift) -> Part | None:
+    """None where the row law has time stepping lead, and a run without it shows that most comes from elsewhere."""
     whole = min(1.0, share.shares[share.leading])
+    fed = starving(exam.without, share.name, worst.largest)
+    if fed is not None:
+        with_enough = Solving.of(exam.model).enough
+        return Part(
+            CAUSE["solver"],
+            fed.part(share.name, worst.largest) or 0.0,
+            f"with {with_enough} {_left(fed, share)} is left",
+        )
     if share.leading != "stepping":
         return Part(CAUSE[share.leading], whole)
     measured = {one.cause: one for one in exam.without}
@@ -126,16 +139,18 @@ def _part(exam: Examination, share: Share, worst: Drift) -> Part:
         measured[name].part(share.name, worst.largest) if name in measured else None
         for name in ("stepping", "implicit")
     )
-    if implicit is not None and implicit >= _IMPLICIT * (whole if stepping is None else stepping):
+    if implicit is not None and implicit >= max(_IMPLICIT * (whole if stepping is None else stepping), MOST):
         return Part(IMPLICIT, implicit, f"without it {_left(measured['implicit'], share)} is left")
     lost = "implicit" in measured and implicit is None
     if lost and _implicit(exam, _place(exam, share)) >= _IMPLICIT:
-        return Part(IMPLICIT, whole, "without it the run diverges")
+        return Part(IMPLICIT, None, "how much of it is not known: without it the run diverges")
     if stepping is None:
         return Part(CAUSE["stepping"], whole)
     second = max((size, cause) for cause, size in share.shares.items() if cause != "stepping")
     if second[0] >= UNSURE and stepping < 1.0 - stepping:  # a shorter step leaves most of it: it is the other's
         return Part(CAUSE[second[1]], 1.0 - stepping)
+    if stepping < MOST:
+        return None
     return Part(
         CAUSE["stepping"], stepping, f"at a quarter of the timestep {_left(measured['stepping'], share)} is left"
     )
@@ -147,7 +162,11 @@ def _left(one: Without, share: Share) -> str:
 
 def _in_parts(share: Share, part: Part) -> str:
     """The parts in a sentence: together no more than the whole, and what opposes it by name only."""
+    if part.size is None:
+        return f"it is {part.cause.phrase} ({part.left})"
     said = [f"{percent(part.size)} of it is {part.cause.phrase}"]
+    if part.cause is CAUSE["solver"] and part.left:  # which the row law takes for time stepping
+        return f"{said[0]} ({part.left})"
     known = (part.cause, IMPLICIT if part.cause is CAUSE["stepping"] else CAUSE["stepping"])
     known = known if part.cause in (IMPLICIT, CAUSE["stepping"]) else (part.cause,)
     others = {cause: size for cause, size in share.shares.items() if CAUSE[cause] not in known and abs(size) >= UNSURE}

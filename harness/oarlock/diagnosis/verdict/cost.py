@@ -55,6 +55,8 @@ def _solver(exam: Examination, finding: Finding) -> float:
     """What an answer of the solver's own question saves; of a share of the row law, that share."""
     if "drift_m" in finding.figures or "drift_rad" in finding.figures:
         return _drift(exam, finding)
+    if finding.severity == "error":
+        return _blown(exam, finding)
     before, after = finding.figures.get("drift_before"), finding.figures.get("drift")
     return 0.0 if before is None or after is None else max(0.0, float(before) - float(after))
 

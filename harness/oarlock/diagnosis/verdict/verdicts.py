@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import few
-from oarlock.base.numbers import percent
+from oarlock.base.numbers import figure, percent
 from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
@@ -51,7 +51,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         _run,
         motions.pace,
         blame.drift,
-        motions.starved,
+        motions.unfed,
         blame.energy,
         blame.remedy,
         _motion,
@@ -245,7 +245,7 @@ def _run(exam: Examination) -> Iterator[Finding]:
     if recording.pushes:
         first = min(push.first_s for push in recording.pushes)
         last = max(push.last_s for push in recording.pushes)
-        said = _pushes(recording.pushes)
+        said = f"in MuJoCo's run {_pushes(recording.pushes)}"
         if exam.model.opt.noslip_iterations:
             said += "; noslip changes MuJoCo's forces after its solver, and not those of the exact solution"
         yield found("R2", exam.file, said, first_s=first, last_s=last)
@@ -258,7 +258,7 @@ def _pushes(pushes: tuple[Push, ...]) -> str:
     for kind in ("limit", "friction", "contact"):
         own = sorted((push for push in pushes if push.kind == kind), key=lambda push: -push.largest)
         if own:
-            unit = "N" if kind == "contact" else "N or N m"
+            unit = own[0].unit
             more = f" and {len(own) - 1} more" if len(own) > 1 else ""
             first = min(push.first_s for push in own)
             said.append(f"{own[0].name}{more} from t = {first:.4g} s, up to {own[0].largest:.4g} {unit}")
@@ -271,10 +271,11 @@ def _fights(exam: Examination) -> Iterator[Finding]:
         fight = exam.fight
         said = (
             f"{few(list(fight.others), last='')} push{'es' if len(fight.others) == 1 else ''} against "
-            f"{in_words(list(fight.equalities))} alone, since t = {fight.first_s:.4g} s, with up to "
-            f"{fight.largest:.4g} N or N m"
+            f"{in_words(list(fight.equalities))} alone in the exact run, since t = {fight.first_s:.4g} s, with up to "
+            f"{fight.largest:.4g} {fight.unit}"
         )
         yield found("C1", exam.file, said, first_s=fight.first_s, largest=fight.largest)
+    yield from _stopped(exam)
     for lag in exam.lags:
         joints = in_words(list(lag.joints))
         said = (
@@ -286,6 +287,33 @@ def _fights(exam: Examination) -> Iterator[Finding]:
         whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
         said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole}"
         yield found("C3", exam.file, said, dof=exam.stops.dof)
+
+
+def _stopped(exam: Examination) -> Iterator[Finding]:
+    """C5: a limit that stops a joint short of where an equality wants it, and that does not contradict it (C1)."""
+    fight = exam.fight
+    for one in exam.stopped:
+        name = f"limit of joint {quoted(one.joint)}"
+        if fight is not None and name in fight.others and one.equality in fight.equalities:
+            continue
+        given, without = (figure(value, one.drift_unit) for value in (one.drift, one.drift_without))
+        said = (
+            f"the limit of joint {quoted(one.joint)} ({one.limit:.4g} {one.unit}) stops it where "
+            f"{quoted(one.equality)} wants up to {one.wanted:.4g} {one.unit}: it opens by {given}, by {without} "
+            "without that limit"
+        )
+        yield found(
+            "C5",
+            exam.file,
+            said,
+            element=one.equality,
+            joint=one.joint,
+            limit=one.limit,
+            wanted=one.wanted,
+            drift=one.drift,
+            drift_without=one.drift_without,
+            unit=one.drift_unit,
+        )
 
 
 # Forces.
@@ -316,7 +344,8 @@ def _motion(exam: Examination) -> Iterator[Finding]:
     singular = [event for event in exam.history.events if event.kind == "singular"]
     for event in singular[:1]:
         more = {0: "", 1: " and once more"}.get(len(singular) - 1, f" and {len(singular) - 1} more times")
-        said = f"{in_words(list(event.equalities))}: rank {exam.history.rank} falls to {event.rank}"
+        others = f"with {in_words(list(event.equalities[1:]))}, " if event.equalities[1:] else ""
+        said = f"{others}rank {exam.history.rank} falls to {event.rank}"
         said += f" at t = {event.time_s:.6g} s{more}"
         times = ", ".join(f"{one.time_s:.10g}" for one in singular)
         yield found("L5", exam.file, said, element=event.equalities[0], also=list(event.equalities[1:]), times_s=times)
