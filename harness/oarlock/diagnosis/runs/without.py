@@ -7,8 +7,8 @@ what a finding says of time stepping and of the solver is measured, by runs from
     implicit    Euler without eulerdamp, which is explicit, in place of an integrator that treats damping implicitly
     solver      Newton, with iterations and a tolerance that are enough, in place of a solver that stopped early
 
-A solver that stops early leaves M qacc and the constraint forces apart. Euler with eulerdamp steps by the forces, and the
-row law reads qacc: to it all of that is time stepping.
+A solver that stops early leaves M qacc and the constraint forces apart. Euler with eulerdamp steps by the forces, and
+the row law reads qacc: to it all of that is time stepping.
 """
 
 import copy
@@ -158,7 +158,7 @@ def _without(
 
 
 def left_about(recording: Recording, place: int, position: np.ndarray) -> Opening:
-    """The largest gap of an equality in another run (steps, rows), about the moment at which it was worst in this one."""
+    """The largest gap of an equality in another run (steps, rows), about the moment of the worst one in this run."""
     rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
     return _worst(recording.model, equality, position[about(recording, place), rows])[0]
 
