@@ -13,7 +13,7 @@ from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
 
-_CAUSES = ("A1", "C4", "C5", "D6", "D8", "S3", "U4", "U5")
+_CAUSES = ("A1", "A2", "C4", "C5", "D6", "D8", "S3", "S5", "S7", "U4", "U5")
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
 
@@ -21,7 +21,7 @@ def priced(exam: Examination, findings: Iterable[Finding]) -> list[Finding]:
     """The findings with their costs, in the order given."""
     every = [replace(one, cost=cost(exam, one)) for one in findings]
     causes = [one for one in every if one.code in _CAUSES and one.severity != "note"]
-    return [_less(one, causes) if one.code in _DRIFT else one for one in every]
+    return [_less(one, causes) if one.code in (*_DRIFT, "S1") else one for one in every]
 
 
 def _less(finding: Finding, causes: Sequence[Finding]) -> Finding:
@@ -78,6 +78,14 @@ def _blown(exam: Examination, finding: Finding) -> float:
     return math.inf if exam.recording is not None and exam.recording.end.how == "diverged" else 0.0
 
 
+def _opened(exam: Examination, finding: Finding) -> float:
+    """What the equality that is named stands open by at the start."""
+    openings = exam.pose.openings if exam.pose is not None else ()
+    return max(
+        (metres(exam, one.metres, one.radians) for one in openings if one.equality == finding.element), default=0.0
+    )
+
+
 def _figure(name: str) -> Callable[[Examination, Finding], float]:
     return lambda exam, finding: _turned(exam, finding, finding.figures.get(name))
 
@@ -94,12 +102,14 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "A1": _blown,
     "T2": _blown,
     "D6": _solver,
+    "A2": _whole,
     "D8": _whole,
     "S3": _whole,
+    "S7": _whole,
     "C2": _figure("given"),
     "C4": _collision,
     "C5": _collision,
-    "S1": _figure("opening"),
+    "S1": _opened,
     "S2": _figure("gap"),
     "S4": _figure("left"),
     "S5": _figure("gap"),
