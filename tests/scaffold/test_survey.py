@@ -40,7 +40,7 @@ def test_laws_that_move_and_switch_have_tables_of_their_own(tmp_path):
 
 @pytest.mark.parametrize("angles", [(0.632, 1.066, -1.532), (0.113, -0.314, -0.248), (1.225, -1.533, 0.251)])
 def test_a_start_is_closed_where_check_closes_it(tmp_path, angles):
-    """The driven crank stays and the rocker keeps its range; steps in the metric of M move the one and leave the other."""
+    """The driven crank stays, and the rocker keeps its range: steps in the metric of M would not see to that."""
     keyframe = " ".join(map(str, angles))
     driven = f'<actuator><motor joint="crank"/></actuator><keyframe><key name="start" qpos="{keyframe}"/></keyframe>'
     path = write_model(tmp_path, four_bar(rocker='limited="true" range="-0.6 0.25"', rest=driven))
