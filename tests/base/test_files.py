@@ -187,8 +187,8 @@ def test_no_other_file_of_the_package_replaces_or_opens_files_to_write():
         "tables/spool.py",  # its own temporary files
         "batch/workers.py",  # a trial whether a folder can be written to
         "mechanics/mjcf.py",  # copies into a new folder of its own
-        "diagnosis/edit/keyframe.py",  # inside ``replacing``
-        "diagnosis/edit/tuned.py",  # the same
+        "diagnosis/edit/copy.py",  # inside ``replacing``
+        "diagnosis/sampling.py",  # the same
         "tables/folder.py",  # the same
     }
     import oarlock

@@ -64,7 +64,11 @@ MODELS = {
     "drawn_apart.xml": Facts(3, 1, 3, 2, gap=0.14),
     "stiff_servo.xml": Facts(3, 1, 3, 2),
     "wrong_units.xml": Facts(2, 1, 1, 1, gap=30.0),
+    "short_range.xml": Facts(2, 1, 1, 1),
     "ringing.xml": Facts(3, 3, 6, 2),
+    "turned_weld.xml": Facts(4, 1, 6, 3, gap=0.93),
+    "wrong_sign.xml": Facts(3, 2, 4, 3),
+    "degrees.xml": Facts(2, 1, 1, 1, gap=25.0),
 }
 LASTING = [name for name in MODELS if name not in ("diverges.xml", "stiff_servo.xml")]
 

@@ -62,7 +62,9 @@ def test_exact_runs_keep_rank_and_loops(tmp_path, name):
     model = write_model(tmp_path, four_bar(**parts))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        found = oarlock.run(model, solver=["auto", "pinv"], form="hard", mode="free", duration=SECONDS)
+        found = oarlock.run(
+            model, solver=["auto", "pinv"], form="hard", mode="free", duration=SECONDS, integrator="rk4"
+        )
     for solver in ("auto", "pinv"):
         row = only(found.rows, mode="free", solver=solver)
         assert (row["status"], row["rank_min"], row["rank_max"]) == ("done", rank, rank)

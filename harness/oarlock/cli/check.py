@@ -193,7 +193,7 @@ def _fix(checked: "Checked", target: Path, printing: bool) -> bool:
     fixed = checked.fix(target)
     if printing:
         print_line(f"Fixed: {target}")
-        for line in fixed.lines():
+        for line in fixed.told():
             print_line(line)
     else:
         say(f"oarlock: {target}")

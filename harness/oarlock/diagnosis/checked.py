@@ -107,10 +107,11 @@ class Checked(Answer):
         return self.fixed
 
     def report(self, folder: str | Path) -> Path:
-        """Writes the page of the check, as ``oarlock check --report``."""
+        """Writes the page of the check, as ``oarlock check --report``, with a chapter on the last ``fix``."""
         from oarlock.diagnosis.page.page import write_page
 
-        return write_page(self.examination, self.verdict, Path(folder))
+        fix = self.fixed.document() if self.fixed else None
+        return write_page(self.examination, self.verdict, Path(folder), fix)
 
     def _repr_html_(self) -> str:
         from oarlock.diagnosis.page.page import html_fragment

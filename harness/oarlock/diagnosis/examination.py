@@ -34,8 +34,9 @@ from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
-from oarlock.diagnosis.runs.trials import Start
-from oarlock.diagnosis.runs.without import Without, find_without
+from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
+from oarlock.diagnosis.runs.trials import Made, Start
+from oarlock.diagnosis.runs.without import Without, find_fed, find_without, starving
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
@@ -95,16 +96,18 @@ class Examination:
         recipe: what would hold it.
         reactions: which are unique.
         size: of the loops at the closed start, m.
-        without: what is left of the drift where time stepping is taken away.
+        without: what is left of the drift where time stepping, or a solver that stops early, is taken away.
         pace: the joint that turns furthest within a step.
         dead_point: a joint that MuJoCo takes beyond what the loops admit.
         branch: another branch that MuJoCo's run ends on.
         lasting: what stays open for good behind an open start.
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
+        stopped: limits that open an equality of their loop in MuJoCo's run.
         fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         missing: part → why it is not there.
+        made: trials, for those that look for more.
     """
 
     file: str
@@ -140,10 +143,12 @@ class Examination:
     lasting: list[Lasting] = field(default_factory=list)
     lags: tuple[Lag, ...] = ()
     stops: Stops | None = None
+    stopped: tuple[Stopped, ...] = ()
     fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
     missing: dict[str, str] = field(default_factory=dict)
+    made: Made = field(default_factory=Made)
 
     @property
     def timestep_s(self) -> float:
@@ -325,6 +330,9 @@ def _run(found: Examination) -> None:
         found.drifts = find_drifts(found.recording, found.exact)
         with _Reason(found, "collisions"):
             _collisions(found)
+        if found.closed and found.recording.steps:
+            least = max(found.target, VISIBLE)
+            found.stopped = find_stopped(found.recording, found.drifts, found.pose.loops, least)
         found.lags = find_lags(found.recording, VISIBLE)
         found.pace = find_pace(found.recording, found.exact)
         if found.closed and found.recording.steps and not found.moved:
@@ -354,6 +362,8 @@ def _causes(found: Examination) -> None:
     if found.moved:
         found.missing["causes"] = LAGS
         return
+    if found.recording.end.how == "diverged":
+        found.without = find_fed(found.recording, found.steps)
     with _Reason(found, "causes"):
         attribution = attribute(found.recording)
         if attribution.holds:
@@ -373,12 +383,19 @@ def _taken_away(found: Examination, attribution: Attribution) -> None:
     if recording.end.how != "finished" or found.pose is None:
         return
     drifting = {one.equality for one in found.drifts if one.level == "position" and one.largest > found.target}
-    if any(one.leading == "stepping" and one.name in drifting for one in attribution.shares):
-        found.without = find_without(recording)
+    found.without = find_fed(recording, found.steps) if drifting else []
+    if any(one.leading == "stepping" and one.name in drifting - starved(found) for one in attribution.shares):
+        found.without += find_without(recording)
     opened = {one.equality for one in found.pose.openings if one.largest > CONSISTENT}
     if opened and found.closed:
         least = max(found.target, VISIBLE)
         found.lasting = find_lasting(attribution, opened, least)
+
+
+def starved(found: Examination) -> set[str]:
+    """Equalities that open mostly because MuJoCo's solver stops early, by a run with one that is enough."""
+    worst = {one.equality: one.largest for one in found.drifts if one.level == "position"}
+    return {name for name, largest in worst.items() if starving(found.without, name, largest) is not None}
 
 
 def _remedy(found: Examination) -> None:
@@ -390,7 +407,13 @@ def _remedy(found: Examination) -> None:
         start = Start(found.pose.qpos, found.pose.qvel, found.act)
         with _Reason(found, "remedy"):
             found.recipe = recipe(
-                found.model, start, found.laws, found.target, found.duration_s, budget_s=found.options.budget
+                found.model,
+                start,
+                found.laws,
+                found.target,
+                found.duration_s,
+                budget_s=found.options.budget,
+                made=found.made,
             )
 
 

@@ -42,6 +42,7 @@ class Samples(Answer):
         coordinates: names of the entries of ``qpos``.
         speeds: names of the entries of ``qvel``.
         energy: mean kinetic energy of a degree of freedom, J.
+        turning: which entries of ``qpos`` are angles that turn on and on.
     """
 
     file: str
@@ -55,6 +56,7 @@ class Samples(Answer):
     coordinates: tuple[str, ...]
     speeds: tuple[str, ...]
     energy: float
+    turning: tuple[bool, ...] = ()
 
     FRAMES = ("states", "branches", "coverage")
 
@@ -85,9 +87,16 @@ class Samples(Answer):
 
     @property
     def coverage(self) -> pl.DataFrame:
-        """A row a coordinate: least and largest value, and the share of ``BINS`` equal parts between with a sample."""
+        """A row a coordinate: least and largest value, and the share of ``BINS`` equal parts between with a sample.
+
+        An angle that turns on and on is told from the far side of the widest gap on its circle, beyond half a turn if
+        that lies inside of it.
+        """
         rows = []
-        for name, values in zip(self.coordinates, self.qpos.T, strict=True):
+        turning = self.turning or (False,) * len(self.coordinates)
+        for name, values, turns in zip(self.coordinates, self.qpos.T, turning, strict=True):
+            if turns:
+                values = unrolled(values)
             least, most = float(values.min()), float(values.max())
             filled = (
                 len(np.unique(np.floor((values - least) / (most - least) * BINS * (1 - 1e-12))))
@@ -167,6 +176,15 @@ class Samples(Answer):
 
     def __repr__(self) -> str:
         return self.said()
+
+
+def unrolled(angles: np.ndarray) -> np.ndarray:
+    """Angles (n), rad, each by whole turns away, without the widest gap on the circle between least and largest."""
+    around = np.sort(np.mod(angles, 2.0 * np.pi))
+    gaps = np.diff(around, append=around[0] + 2.0 * np.pi)
+    first = around[(int(gaps.argmax()) + 1) % len(around)]
+    found = first + np.mod(angles - first, 2.0 * np.pi)
+    return found - 2.0 * np.pi * np.round(found.mean() / (2.0 * np.pi))
 
 
 def sample(

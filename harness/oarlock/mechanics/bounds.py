@@ -7,6 +7,13 @@ HUGE = float(mujoco.mjMAXVAL)
 """MuJoCo's own bound, 1e10: a position, velocity or acceleration beyond it counts as diverged."""
 
 
+_SQUARE = HUGE * HUGE
+
+
 def bounded(*vectors: np.ndarray) -> bool:
     """Whether all entries are below ``HUGE``; NaN is not."""
-    return all(bool((np.abs(vector) < HUGE).all()) for vector in vectors)
+    for vector in vectors:
+        # The sum of squares costs a third of the comparison, and this is asked at every step of every run.
+        if not np.vdot(vector, vector) < _SQUARE and not bool((np.abs(vector) < HUGE).all()):
+            return False
+    return True

@@ -34,6 +34,8 @@ KINDS: dict[int, Kind] = {
 }
 """Kind of a row (``efc_type``) → what it is of."""
 
+_TURNING = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_BALL))
+
 _KINDS = {
     mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("friction of joint", mujoco.mjtObj.mjOBJ_JOINT),
     mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: ("friction of tendon", mujoco.mjtObj.mjOBJ_TENDON),
@@ -54,6 +56,28 @@ def row_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
     if min(geoms) < 0:
         return "contact with a flex"
     return f"contact between {' and '.join(_of_body(model, geom) for geom in geoms)}"
+
+
+def row_unit(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
+    """Unit of the force of a row of a limit, friction loss or contact: N m about a hinge or ball, else N.
+
+    A fixed tendon, which is a sum of joints, is taken for what its first joint is.
+    """
+    kind, index = int(data.efc_type[row]), int(data.efc_id[row])
+    if kind == int(_CONSTRAINT.mjCNSTR_FRICTION_DOF):
+        joint = int(model.dof_jntid[index])
+        if int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_FREE):
+            return "N m" if index >= model.jnt_dofadr[joint] + 3 else "N"
+    elif kind == int(_CONSTRAINT.mjCNSTR_LIMIT_JOINT):
+        joint = index
+    elif kind in (int(_CONSTRAINT.mjCNSTR_LIMIT_TENDON), int(_CONSTRAINT.mjCNSTR_FRICTION_TENDON)):
+        first = int(model.tendon_adr[index])
+        if int(model.wrap_type[first]) != int(mujoco.mjtWrap.mjWRAP_JOINT):
+            return "N"
+        joint = int(model.wrap_objid[first])
+    else:
+        return "N"
+    return "N m" if int(model.jnt_type[joint]) in _TURNING else "N"
 
 
 def _of_body(model: mujoco.MjModel, geom: int) -> str:

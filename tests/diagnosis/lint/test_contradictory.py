@@ -114,3 +114,44 @@ def test_the_ring_moves_with_the_ratio_that_is_named():
     mended = text.replace('joint2="ring" polycoef="0 1 ', f'joint2="ring" polycoef="0 {one.figures["wanted"]} ')
     *_, (_, free) = runs(mended)
     assert abs(float(free.joint("thumb").qpos[0])) > 2 * stuck  # soft couplings give way: to 0.18 rad of 0.5
+
+
+# Couplings against loops.
+
+
+def moves(text: str) -> int:
+    """Degrees of freedom at the first keyframe, by plain MuJoCo; its rows have to be closed there."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.efc_pos[: data.ne]).max() < 1e-9
+    return model.nv - int(np.linalg.matrix_rank(data.efc_J.reshape(-1, model.nv)[: data.ne], tol=1e-8))
+
+
+@pytest.mark.parametrize("polynomial", ["0 -1", "0 0.5", "0 2"])
+def test_a_coupling_against_the_loop(polynomial):
+    """The bar turns both cranks alike: with the ratio that is named plain MuJoCo's rows leave a motion."""
+    text = text_of("wrong_sign.xml").replace("0 -1 0 0 0", f"{polynomial} 0 0 0")
+    assert moves(text) == 0
+    one = only(of_text(text, 0), "L9")
+    assert (one.element, one.figures["also"], one.figures["wanted"]) == ("mirror", ["hinge"], 1.0)
+    assert "contradicts 'hinge'" in one.line
+    assert f"with the ratio 1 in place of {polynomial.split()[1]} it turns" in one.line
+    mended = text.replace(f"{polynomial} 0 0 0", "0 1 0 0 0")
+    assert moves(mended) == 1
+    assert not {"L9", "S3"} & {one.code for one in of_text(mended, 0)}
+
+
+def test_a_coupling_whose_loop_turns_by_no_constant_ratio():
+    """A lock all the same: no ratio is offered that would not hold it, and both are named."""
+    text = text_of("wrong_sign.xml").replace('<geom fromto="0 0 0 0.09 0 0"/>', '<geom fromto="0 0 0 0.2 0 0"/>')
+    text = text.replace('name="right" pos="0.09 0 0"', 'name="right" pos="0.13 0.02 0"')
+    text = text.replace('anchor="0.09 0 0"', 'anchor="0.13 0.03 0"')
+    assert moves(text) == 0
+    found = of_text(text, 0)
+    assert "L9" not in {one.code for one in found}
+    one = only(found, "S3")
+    assert "'mirror' and 'hinge' contradict each other: it would move without 'mirror' or 'hinge'" in one.line
+    for name, dof in (("mirror", 1), ("hinge", 2)):
+        assert moves(text.replace(f'name="{name}"', f'name="{name}" active="false"')) == dof

@@ -11,17 +11,31 @@ from oarlock import model_names
 from oarlock.diagnosis.lint.lints import LINTS, look
 from oarlock.diagnosis.lint.unit import degrees, radians
 from oarlock.diagnosis.lint.view import View
+from oarlock.diagnosis.loops.poses import nearest_closed
+from oarlock.mechanics.load import load_model
 from seen import CHECK, chain, of_file, of_text, only, text_of
 
 # What each fixture is there for, and nothing else is found anywhere.
 
 SEEN = {
     "pin_collision.xml": {"C4"},
-    "mimic_ring.xml": {"L9"},
-    "welded_pin.xml": {"L10"},
-    "drawn_apart.xml": {"S5", "S6"},
+    "mimic_ring.xml": {"L9", "S3"},
+    "welded_pin.xml": {"L10", "S3"},
+    "drawn_apart.xml": {"S5", "S6", "S1"},
     "stiff_servo.xml": {"A1"},
-    "wrong_units.xml": {"A2"},
+    "wrong_units.xml": {"A2", "S1"},
+    "degrees.xml": {"A2", "S1"},
+    "wrong_sign.xml": {"L9", "S3"},
+    "all_redundant.xml": {"S1"},
+    "carried_tray.xml": {"S1", "S3"},
+    "locked_cranks.xml": {"S1", "S3"},
+    "short_arm.xml": {"S1"},
+    "starved_rods.xml": {"A1"},
+    "thirty_equalities.xml": {"S3"},
+    "tilted_hinge.xml": {"S3"},
+    "two_walls.xml": {"S1"},
+    "unreachable.xml": {"S1"},
+    "turned_weld.xml": {"S7", "S1"},
     "ringing.xml": {"T6", "L11", "L12"},
 }
 PARTS = {"defaults.xml", "common.xml", "none.xml"}
@@ -174,3 +188,83 @@ def test_doubled_and_idle(closing, codes):
     if "<joint" in closing:
         text = chain(closing)
     assert {one.code for one in of_text(text) if one.code in ("L11", "L12")} == codes
+
+
+# Constants in degrees.
+
+
+def start_of(text: str) -> float:
+    """How far the first row of plain MuJoCo is off at the first keyframe."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    return abs(float(data.efc_pos[0]))
+
+
+def test_a_constant_in_degrees_is_one_that_closes_and_that_the_ranges_admit():
+    text, one = text_of("degrees.xml"), only(of_file("degrees.xml"), "A2")
+    assert one.severity == "error"
+    assert "which the ranges of its joints do not admit" in one.line
+    assert "24° are 0.418879 rad, with which it is closed at the start" in one.line
+    assert start_of(text) > 20.0
+    mended = text.replace('"24 1', f'"{one.figures["wanted"]!r} 1')
+    assert start_of(mended) < 1e-4
+    assert {one.code for one in of_text(mended, 0)} <= {"S1"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "severity"),
+    [
+        ([('range="-60 60"', "")], None),  # only the start tells
+        ([('qpos="-0.1 0.31888"', 'qpos="0 0"')], "error"),  # only the ranges tell
+        ([('"24 1', '"1.2 1')], "none"),  # an angle in radians
+        ([('"24 1', '"0.418879 1')], "none"),
+        ([('range="-60 60"', ""), ('qpos="-0.1 0.31888"', 'qpos="0 0"')], "none"),  # 24 rad, and nothing says why not
+        ([("-60 60", "-9000 9000"), ('qpos="-0.1 0.31888"', 'qpos="-12 12"')], "none"),  # a winch
+        ([('joint2="inner" polycoef="24 1', 'polycoef="24 0')], "error"),  # held at an angle
+    ],
+)
+def test_constants_of_couplings(changes, severity):
+    text = text_of("degrees.xml")
+    for change in changes:
+        assert change[0] in text
+        text = text.replace(*change)
+    assert [one.severity for one in of_text(text, 0) if one.code == "A2"] == ([] if severity == "none" else [severity])
+
+
+# The start.
+
+
+@pytest.mark.parametrize("name", ["two_walls.xml", "carried_tray.xml", "drawn_apart.xml", "degrees.xml"])
+def test_an_open_start_is_open_by_the_rows_of_plain_mujoco(name):
+    one = only(of_file(name), "S1")
+    model = load_model(CHECK / name)
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_EQUALITY, one.element)
+    rows = data.efc_pos[: data.ne][data.efc_id[: data.ne] == index]
+    metres, turn = float(np.linalg.norm(rows[:3])), 2.0 * math.asin(min(1.0, float(np.linalg.norm(rows[3:]))))
+    assert one.figures["opening"] == pytest.approx(max(metres, turn), rel=1e-6)
+
+
+def test_a_start_that_comes_apart_is_told_with_its_speed():
+    text = chain('<joint name="gear" joint1="a" joint2="b"/>', "ab").replace(
+        "</mujoco>", '<keyframe><key name="k" qpos="0 0" qvel="0.5 -1"/></keyframe></mujoco>'
+    )
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    (one,) = [one for remarks in look(View(model, data)).values() for one in remarks]
+    assert (one.code, one.figures["speed"]) == ("S1", pytest.approx(1.5))
+    assert "comes apart at 1.500 rad/s" in one.line
+
+
+def test_a_check_tells_more_of_a_start_and_tells_it_once():
+    """With a closed pose at hand a lint leaves the start and the locks to it."""
+    model = load_model(CHECK / "locked_cranks.xml")
+    pose = nearest_closed(model)
+    view = View(model, mujoco.MjData(model), pose)
+    assert not {"S1", "S3"} & {one.code for remarks in look(view).values() for one in remarks}

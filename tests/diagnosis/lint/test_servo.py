@@ -78,8 +78,58 @@ def test_the_edge_of_stability(integrator, damping, actuator, edge):
         found = [one for one in of_text(text(gain)) if one.code == "A1"]
         assert bool(found) == grows(gain) == bool(edge and gain > edge)
         if found:
-            stable = found[0].figures.get("kp_stable") or found[0].figures.get("kv_stable")
-            assert stable == pytest.approx(edge, rel=0.01) or "kp_stable" in found[0].figures
+            stable = found[0].figures.get("kp_stable") or found[0].figures["kv_stable"]
+            assert stable == pytest.approx(edge, rel=0.01)
+
+
+PADDLES = """<mujoco><option timestep="0.002"/><worldbody>
+  <body name="left"><joint name="left" axis="0 0 1"/>
+    <geom type="box" pos="0.03 0 0" size="0.03 0.01 0.002" mass="0.01" contype="0" conaffinity="0"/></body>
+  <body name="right" pos="0.2 0 0"><joint name="right" axis="0 0 1" armature="{armature}"/>
+    <geom type="box" pos="0.03 0 0" size="0.03 0.01 0.002" mass="0.01" contype="0" conaffinity="0"/></body>
+  </worldbody><equality><joint name="mimic" joint1="left" joint2="right" polycoef="0 -1 0 0 0"/></equality>
+  <actuator><position name="turn" joint="right" kp="{kp}" kv="{kv}"/></actuator>
+  <keyframe><key name="k" qpos="0 0" ctrl="0.3"/></keyframe></mujoco>"""
+"""Two light paddles, 1.24e-5 kg m² each."""
+
+
+def paddles(kp: float = 0.5, kv: float = 0.06, armature: float = 0.0) -> str:
+    return PADDLES.format(kp=repr(kp), kv=repr(kv), armature=repr(armature))
+
+
+def test_a_damper_that_is_too_stiff_is_named_and_not_the_spring():
+    """No kp makes it stable; each cure that is named does, and what is twice as far off does not."""
+    one = only(of_text(paddles(), 0), "A1")
+    assert not any(lasts(paddles(kp=kp)) for kp in (0.5, 0.05, 0.0005))
+    assert "kp_stable" not in one.figures
+    assert "must be below 4 under euler" in one.line
+    assert ", by its kv: the run diverges; stable with kv below" in one.line
+    assert "implicitfast" in one.line
+    assert lasts(paddles(kv=0.99 * one.figures["kv_stable"]))
+    assert not lasts(paddles(kv=2.2 * one.figures["kv_stable"]))
+    assert lasts(paddles(armature=one.figures["armature"]))
+    assert not lasts(paddles(armature=0.2 * one.figures["armature"]))
+    assert lasts(paddles(), timestep=one.figures["timestep_stable_s"])
+    assert lasts(paddles().replace('timestep="0.002"', 'timestep="0.002" integrator="implicitfast"'))
+
+
+def test_the_bounds_with_the_loops_and_without_them():
+    """The coupling doubles the inertia: without it kv breaks at half."""
+    one = only(of_text(paddles(), 0), "A1")
+    with_loops = float(one.line.partition("kv below ")[2].partition("(")[2].partition(" with")[0])
+    assert lasts(paddles(kv=0.98 * with_loops))
+    assert not lasts(paddles(kv=1.15 * with_loops))  # between them the row becomes stiffer where it is off
+    alone = paddles(kv=1.03 * one.figures["kv_stable"]).replace('joint name="mimic"', 'joint active="false"')
+    assert not lasts(alone)
+    assert lasts(alone.replace(repr(1.03 * one.figures["kv_stable"]), repr(0.99 * one.figures["kv_stable"])))
+
+
+def test_a_spring_and_a_damper_that_break_it_together():
+    """Either is told a bound with the other as it is, and either bound holds."""
+    one = only(of_text(paddles(kp=6.0, kv=0.01), 0), "A1")
+    assert lasts(paddles(kp=0.99 * one.figures["kp_stable"], kv=0.01))
+    assert lasts(paddles(kp=6.0, kv=0.99 * one.figures["kv_stable"]))
+    assert "by its" not in one.line
 
 
 def test_two_servos_that_shake_only_together():

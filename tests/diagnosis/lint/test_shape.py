@@ -89,7 +89,78 @@ def test_an_anchor_in_the_air_alone_is_no_mistake(change):
     assert "S5" not in {one.code for one in of_text(text.replace(*change), 0)}
 
 
+LINKS = """<mujoco><default><geom type="capsule" size="0.008" contype="0" conaffinity="0"/><joint axis="{axis}"/>
+  </default><worldbody><body name="arm"><joint name="arm"/><geom fromto="0 0 0 0.3 0 0"/>
+    <body name="rod" pos="0.3 0 0"><joint name="rod"/><geom fromto="0 0 0 0.1 0.2 0"/></body></body>
+  <body name="lever" pos="0.5 0 0"><joint name="lever" axis="0 {tilt} 1"/><geom fromto="0 0 0 -0.1 0.2 0"/></body>
+  </worldbody><equality>{connects}</equality></mujoco>"""
+"""Three links in a plane, drawn closed: rod and lever end at (0.4 0.2 0)."""
+
+
+@pytest.mark.parametrize(
+    ("anchors", "found"),
+    [
+        (["0.1 0.2 0.06"], False),  # off along the axis of the hinge
+        (["0.1 0.2 -0.3"], False),
+        (["0.1 0.2 0.04", "0.1 0.2 -0.04"], False),  # the two ends of a pin
+        (["0.1 0.2 0.04", "0.1 0.2 0.1"], False),  # a pin that is held on one side
+        (["0.16 0.2 0.06"], True),  # off sideways, too
+        (["0.16 0.2 0.04", "0.16 0.2 -0.04"], True),
+        (["0.16 0.2 0"], True),
+    ],
+)
+@pytest.mark.parametrize("tilt", [0.0, 0.03])
+def test_an_anchor_that_is_off_along_its_hinge_is_no_mistake(anchors, found, tilt):
+    connects = "".join(f'<connect body1="rod" body2="lever" anchor="{anchor}"/>' for anchor in anchors)
+    seen = of_text(LINKS.format(axis="0 0 1", tilt=tilt, connects=connects))
+    assert bool([one for one in seen if one.code == "S5"]) == found
+
+
+def test_two_connects_across_a_pin_of_hinges_that_are_not_parallel():
+    connects = "".join(f'<connect body1="rod" body2="lever" anchor="{at}"/>' for at in ("0.14 0.2 0", "0.06 0.2 0"))
+    assert "S5" not in {one.code for one in of_text(LINKS.format(axis="0 1 0", tilt=1, connects=connects))}
+
+
 def test_a_keyframe_that_closes_is_not_named():
     text = text_of("drawn_apart.xml").replace('qpos="0.4 0 0.1"', 'qpos="0 0 0"')
     assert "S6" not in {one.code for one in of_text(text, 0)}
     assert only(of_file("drawn_apart.xml"), "S6").figures["gap"] == pytest.approx(0.156, abs=5e-4)
+
+
+# Orientations.
+
+
+def angle(text: str) -> float:
+    """Of the first weld in the model's own pose, rad, by MuJoCo's rows sin(θ/2) n with a torquescale of 1."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return 2.0 * float(np.arcsin(min(1.0, np.linalg.norm(data.efc_pos[3:6]))))
+
+
+GRASP = 'relpose="0 0 0 0 0 -0.4226 0.9063"'
+
+
+def test_a_quaternion_in_the_other_order():
+    """MuJoCo's own rows are open by the angle that is told, and closed with the quaternion that is named."""
+    one, text = only(of_file("turned_weld.xml"), "S7"), text_of("turned_weld.xml")
+    assert one.element == "grasp"
+    assert one.figures["opening"] == pytest.approx(angle(text), abs=1e-6)
+    wanted = " ".join(f"{value:.6g}" for value in one.figures["wanted"])
+    assert f'"{wanted}"' in one.line
+    mended = text.replace(GRASP, f'relpose="0 0 0 {wanted}"')
+    assert angle(mended) == pytest.approx(0.0, abs=1e-4)
+    assert "S7" not in {one.code for one in of_text(mended)}
+
+
+@pytest.mark.parametrize(
+    "relpose",
+    [
+        "",  # as it is drawn
+        'relpose="0 0 0 0.9 0 0 -0.4"',  # off by a little
+        'relpose="0 0 0 0 1 0 0"',  # turned over, and no order of it closes
+        'relpose="0 0 0 0.5 0.5 0.5 0.5"',
+    ],
+)
+def test_other_orientations(relpose):
+    assert "S7" not in {one.code for one in of_text(text_of("turned_weld.xml").replace(GRASP, relpose))}

@@ -336,7 +336,7 @@ def test_gaps_over_time_are_openings():
     recording = exam.recording
     assert recording
     (place,) = [at for at, one in enumerate(recording.layout.equalities) if one.kind.name == "weld"]
-    series = pictures.gaps(recording, recording, place)
+    series = pictures._gaps(recording, recording, place)
     for step in (0, 50, recording.steps - 1):
         rows = recording.position[step, recording.layout.of_equality(place)]
         one = opening(recording.model, recording.layout.equalities[place], rows)

@@ -168,24 +168,6 @@ def test_the_share_of_time_stepping_is_what_a_quarter_of_the_timestep_leaves():
     assert found["D3"].figures["part"] == pytest.approx(1 - left / whole[worst], abs=1e-9)
 
 
-def test_the_share_of_implicit_damping_is_what_explicit_damping_leaves():
-    found = findings(CHECK / "starved_rods.xml", budget=0)
-
-    def explicit(model):
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
-
-    one = found["D4"]
-    assert 0 < one.figures["part"] <= 1
-    assert one.element == "end_c"
-    first = {"end_a": 0}
-    assert set(one.figures["also"]) == {"end_a", "end_b"}
-    given, rows = (np.linalg.norm(plain(CHECK / "starved_rods.xml", change)[2], axis=1) for change in (None, explicit))
-    worst = int(given.argmax())
-    left = rows[max(0, worst - 10) : worst + 11].max()  # 2 % of 500 steps
-    measured = {one.cause: one for one in oarlock.check(CHECK / "starved_rods.xml", budget=0).examination.without}
-    assert measured["implicit"].left[next(iter(first))].metres == pytest.approx(left, rel=SAME_RUN)
-
-
 # What lasts.
 
 
@@ -264,7 +246,8 @@ def test_a_solver_with_too_few_iterations_is_named_and_fed():
     recipe = checked.examination.recipe
     assert recipe is not None
     assert recipe.reached
-    assert one.line.startswith("CG, 6 iterations")
+    assert "of it is what the solver left (with Newton, 100 iterations" in one.line
+    assert recipe.starved is not None
     option = ET.fromstring(checked.mjcf.splitlines()[0])
     assert option.get("solver") == "Newton"
     assert int(option.get("iterations", 0)) == 100

@@ -35,8 +35,9 @@ def examined(file: Path | str, wish: CheckOptions | None = None, **options) -> A
 
 @cache
 def as_it_is(name: str) -> tuple[Any, list[Finding]]:
-    """A fixture with one target for all; grippers, whose keyframe leaves them at rest, are driven."""
-    wish = CheckOptions(target=TARGET, controls="random" if name.startswith("gripper_2f") else None)
+    """A fixture with one target for all that reach it; grippers, whose keyframe leaves them at rest, are driven."""
+    target = None if name == "thirty_equalities.xml" else TARGET  # runs that reach it do not fit into the budget
+    wish = CheckOptions(target=target, controls="random" if name.startswith("gripper_2f") else None)
     exam = examined(CHECK / name, wish)
     return exam, judge(exam)
 
@@ -68,7 +69,7 @@ FOUND = {
     "carried_tray.xml": {"S1", "S3", "S4", "D1", "D5", "T1"},
     "dead_point.xml": {"D1", "E1", "U2", "U5", "T1", "L3"},
     "diverges.xml": {"T2", "R1", "T1", "L3"},
-    "gripper_2f/gripper_2f.xml": {"R2", "D1", "D2", "T1", "L3"},
+    "gripper_2f/gripper_2f.xml": {"R2", "D1", "D2", "D4", "T1", "L3"},
     "gripper_2f/scene.xml": {"R2", "D1", "T1", "L3"},
     "locked_cranks.xml": {"S3", "S1", "S4", "D1", "T1", "L3"},
     "script_names.xml": {"D1", "D3", "E1", "T1", "L3"},
@@ -76,14 +77,18 @@ FOUND = {
     "short_arm.xml": {"S2", "L3"},
     "thirty_equalities.xml": {"S3", "D1", "D2", "D5", "V2", "T1", "L3", "L6"},
     "fast_crank.xml": {"D8", "D3", "E1", "T1", "L3"},
-    "starved_rods.xml": {"D4", "D6", "T1"},
+    "starved_rods.xml": {"D6", "T1", "A1"},
     "torn_linkage.xml": {"U4", "D8", "T1", "L3"},
     "tilted_hinge.xml": {"S3", "D1", "D5", "T1"},
-    "drawn_apart.xml": {"S5", "S1", "S6", "L3", "T1"},
+    "degrees.xml": {"A2", "S1"},
+    "turned_weld.xml": {"S7", "S1"},
+    "wrong_sign.xml": {"L9"},
+    "drawn_apart.xml": {"S5", "S1", "S4", "S6", "L3", "T1"},
     "mimic_ring.xml": {"L9", "T1"},
     "pin_collision.xml": {"C4", "C1", "D1", "R2", "U3", "L3", "T1"},
-    "ringing.xml": {"L11", "L12", "T6", "L2", "D1", "U1", "L3", "L4", "T1", "V1"},
+    "ringing.xml": {"L11", "L12", "T6", "L2", "D1", "U1", "L3", "L4", "T1", "D4"},
     "stiff_servo.xml": {"A1", "R1", "L3", "T1"},
+    "short_range.xml": {"C5", "D1", "D5", "R2", "T1"},
     "two_walls.xml": {"S2"},
     "welded_pin.xml": {"L10", "L3", "T1"},
     "wrong_units.xml": {"A2", "S1", "R2", "T1"},
@@ -346,7 +351,8 @@ def test_two_finger_gripper():
     exam, findings = as_it_is("gripper_2f/gripper_2f.xml")
     assert "contact between geom 'right_pad' and geom 'left_pad'" in only(findings, "R2").line
     assert exam.exact.end.how == "finished"
-    assert only(findings, "D1").figures["also"] == ["connect of 'right_follower' and 'right_coupler'"]
+    assert only(findings, "D1").element == "connect of 'left_follower' and 'left_coupler'"
+    assert only(findings, "D4").element == "connect of 'right_follower' and 'right_coupler'"  # elsewhere, and later
     assert only(findings, "D2").element == "mimic"
     assert {one.severity for one in findings if one.code[0] == "D"} == {"note"}  # 0.02 mm and 0.02 mrad
     assert exam.recipe.reached

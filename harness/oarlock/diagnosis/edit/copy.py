@@ -20,6 +20,11 @@ from oarlock.mechanics.mjcf import differences
 
 
 def write_changed(source: Path, out: Path, changes: Sequence[Change]) -> list[Path]:
+    """Writes a copy of a model with changes, as ``write_copies``; gives what was written."""
+    return list(write_copies(source, out, changes))
+
+
+def write_copies(source: Path, out: Path, changes: Sequence[Change]) -> dict[Path, Path]:
     """Writes a copy of a model with changes.
 
     Args:
@@ -28,7 +33,8 @@ def write_changed(source: Path, out: Path, changes: Sequence[Change]) -> list[Pa
         changes: of the model; none: the copy is the source, byte for byte, where both lie in one folder.
 
     Returns:
-        What was written: copies of changed files that the source includes or attaches, beside ``out``, then ``out``.
+        What was written → what it is a copy of: copies of changed files that the source includes or attaches, beside
+        ``out``, then ``out``.
 
     Raises:
         InputError: the source is no MJCF file or cannot be loaded, ``out`` is the source or cannot be written, or the
@@ -48,7 +54,8 @@ def write_changed(source: Path, out: Path, changes: Sequence[Change]) -> list[Pa
         files = [file for one in editors for file in one.files]
         taken |= {name: None for name in _of_others(out, folder)}
         taken |= {file.path.name: file for file in files if file.here.resolve() == folder.resolve()}
-    texts = Relocation(editors[document], folder, out.name, out.stem, editors, taken).texts()
+    relocation = Relocation(editors[document], folder, out.name, out.stem, editors, taken)
+    texts, sources = relocation.texts(), relocation.sources()
     main = texts.pop(out.name)
     beside = {(folder or Path()) / name: text for name, text in texts.items()}
     before = {path: path.read_bytes() if path.is_file() else None for path in beside}
@@ -63,7 +70,7 @@ def write_changed(source: Path, out: Path, changes: Sequence[Change]) -> list[Pa
             with suppress(OSError):
                 path.unlink() if text is None else path.write_bytes(text)
         raise
-    return [*beside, out]
+    return {path: sources[path.name] for path in (*beside, out)}
 
 
 def _of_others(out: Path, folder: Path) -> set[str]:

@@ -92,6 +92,13 @@ class Relocation:
             found[name] = self._editor.text(file)
         return found
 
+    def sources(self) -> dict[str, Path]:
+        """Name of a copy → the file that it is a copy of; once ``texts`` was asked for."""
+        found = {name: file.path for file, name in self._moved.items()}
+        for inner in self.inner.values():
+            found |= inner.sources()
+        return found
+
     # Names.
 
     def _rename(self) -> bool:

@@ -1,6 +1,5 @@
 """Runs of a model with some of the changes of a fix, before any of it is written."""
 
-import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,9 +8,10 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, one_line
-from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.examination import Examination, begin
-from oarlock.diagnosis.runs.trials import Setting, Start, Trial, run_trial
+from oarlock.diagnosis.runs.recipe import Recipe, recipe
+from oarlock.diagnosis.runs.trials import Setting, Start, Trial
 from oarlock.mechanics.load import collected_warnings, load_model
 
 SEEDS = (11, 12)
@@ -30,7 +30,7 @@ class Bench:
     exam: Examination
     base: Examination
     _models: dict[tuple[Exclusion, ...], mujoco.MjModel] = field(default_factory=dict)
-    _trials: dict[tuple[object, ...], tuple[tuple[Change, ...], Trial]] = field(default_factory=dict)
+    _laws: dict[int, dict[str, str]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, exam: Examination) -> "Bench":
@@ -53,17 +53,11 @@ class Bench:
         return Setting.authored(load_model(self.base.path))
 
     def model(self, changes: Sequence[Change]) -> mujoco.MjModel:
-        """The model with all changes but settings and keyframes."""
+        """The model with the exclusions among changes."""
         pairs = tuple(change for change in changes if isinstance(change, Exclusion))
         if pairs not in self._models:
             self._models[pairs] = self._excluding(pairs) if pairs else self.base.model
-        others = [change for change in changes if isinstance(change, Coefficients)]
-        if not others:
-            return self._models[pairs]
-        model = copy.deepcopy(self._models[pairs])
-        for change in others:
-            change.apply(model)
-        return model
+        return self._models[pairs]
 
     def _excluding(self, pairs: Sequence[Exclusion]) -> mujoco.MjModel:
         path, like = self.base.path, self.base.model
@@ -86,7 +80,7 @@ class Bench:
 
     def start(self, changes: Sequence[Change]) -> Start:
         """Where the file starts with these changes."""
-        act = getattr(self.exam, "act", None)
+        act = self.exam.act
         for change in changes:
             if isinstance(change, Keyframe):
                 return Start(change.qpos, change.qvel, act, "closed")
@@ -98,20 +92,34 @@ class Bench:
 
     def run(self, changes: Sequence[Change], seed: int | None = None) -> Trial:
         """A run under the user's controls, or under random ones of a seed; each is made once."""
-        key = (seed, *map(id, changes))
-        if key not in self._trials:
-            laws = self.exam.laws if seed is None else self.random_laws(seed)
-            label = "the user's controls" if seed is None else f"random controls, seed {seed}"
-            trial = run_trial(
-                self.model(changes), self.setting(changes), self.start(changes), laws, self.exam.duration_s, label
-            )
-            self._trials[key] = tuple(changes), trial  # kept, so that no other one gets their ids
-        return self._trials[key][1]
+        return self.run_model(self.model(changes), self.setting(changes), self.start(changes), seed)
 
-    def random_laws(self, seed: int) -> dict[str, str]:
-        """Random controls of all actuators."""
-        asked = replace(self.exam.options, controls="random", control={}, seed=seed, keyframe=None)
-        return begin(str(self.base.path), asked).laws
+    def run_model(self, model: mujoco.MjModel, setting: Setting, start: Start, seed: int | None = None) -> Trial:
+        """The same of any model."""
+        label = "the user's controls" if seed is None else f"random controls, seed {seed}"
+        return self.exam.made.run(model, setting, start, self.laws(seed), self.exam.duration_s, label)
+
+    def recipe(self, changes: Sequence[Change], seed: int | None = None) -> Recipe:
+        """Settings that hold the model with changes; under random controls not from disturbed starts."""
+        budget_s = self.exam.options.budget
+        return recipe(
+            self.model(changes),
+            self.start(changes),
+            self.laws(seed),
+            self.target,
+            self.exam.duration_s,
+            made=self.exam.made,
+            **({"budget_s": budget_s} if seed is None else {"budget_s": budget_s / len(self.seeds), "seeds": ()}),
+        )
+
+    def laws(self, seed: int | None) -> dict[str, str]:
+        """The user's controls, or random ones of all actuators."""
+        if seed is None:
+            return self.exam.laws
+        if seed not in self._laws:
+            asked = replace(self.exam.options, controls="random", control={}, seed=seed, keyframe=None)
+            self._laws[seed] = begin(str(self.base.path), asked).laws
+        return self._laws[seed]
 
     @property
     def seeds(self) -> tuple[int, ...]:

@@ -3,33 +3,41 @@
 The closed pose goes into the keyframe that the start came from, so that the numbers of keyframes stay; a model without
 any gets its first one, where ``check`` then starts by itself. Where nothing helps, the file is a copy of the model, so
 that whatever reads it next finds it.
+
+What stays open for good behind an open start (S4) is left to the settings. An offset of the coupling, which the finding
+names, would move the law that the equality is held against: the file's own check would then call it open.
 """
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from difflib import SequenceMatcher
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import finite
-from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
-from oarlock.diagnosis.edit.copy import write_changed
+from oarlock.base.text import quoted
+from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.copy import write_copies
 from oarlock.diagnosis.edit.place import require_place
 from oarlock.diagnosis.examination import Examination, begin, examine
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.search import Choice, choose_changes, described, drifts, quoted
-from oarlock.diagnosis.runs.trials import Setting, Start, Trial, run_trial
+from oarlock.diagnosis.fix.search import Choice, choose_changes, described, drifts
+from oarlock.diagnosis.runs.trials import Setting, Start, Trial
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.diagnosis.verdict.verdicts import judge
 
 CLAIMS = {
     Keyframe: ("S1",),
     Exclusion: ("C4",),
-    Coefficients: ("S4",),
     Settings: ("D1", "D2", "D3", "D4", "D5", "D6", "T2"),
 }
 """Kind of change → codes of findings that it is to mend."""
+
+MENDED = {code for codes in CLAIMS.values() for code in codes}
+"""Codes that some change is to mend."""
 
 
 @dataclass(frozen=True)
@@ -50,12 +58,38 @@ class Changed:
 
 
 @dataclass(frozen=True)
+class Line:
+    """A line of a file that a fix changed.
+
+    Attributes:
+        file: the copy.
+        number: of the line in the source; of one that is new, of the line before it.
+        before, after: the line; None: there is none.
+    """
+
+    file: str
+    number: int
+    before: str | None
+    after: str | None
+
+
+def changed_lines(source: Path, copy: Path) -> Iterator[Line]:
+    """What a copy has otherwise, line by line."""
+    before, after = (path.read_bytes().decode(errors="replace").splitlines() for path in (source, copy))
+    for kind, a, b, c, d in SequenceMatcher(None, before, after, autojunk=False).get_opcodes():
+        if kind != "equal":
+            for place, (was, now) in enumerate(zip_longest(before[a:b], after[c:d])):
+                yield Line(copy.name, min(a + place, b - 1) + 1, was, now)
+
+
+@dataclass(frozen=True)
 class Fix:
     """What a fixed file is, and what it does.
 
     Attributes:
         file: it.
         written: all files that were written: copies of changed included or attached files, and it.
+        lines: of them that are other ones than in the model.
         changes: what changed; empty: it is a copy of the model as it was.
         left_out: what was tried and did not help, in words.
         target: wanted drift, m or rad.
@@ -71,6 +105,7 @@ class Fix:
 
     file: Path
     written: tuple[Path, ...]
+    lines: tuple[Line, ...]
     changes: tuple[Changed, ...]
     left_out: tuple[str, ...]
     target: float
@@ -89,14 +124,11 @@ class Fix:
         """Whether the file holds the target under the user's controls, and no warning is left that it was to mend."""
         return not self.reason
 
-    def lines(self) -> Iterator[str]:
+    def told(self) -> Iterator[str]:
         """The fix in words, line by line."""
         if not self.changes:
-            yield (
-                f"nothing to fix: {self.file} is the model as it was"
-                if self.reached
-                else (f"nothing that was tried helps: {self.file} is the model as it was")
-            )
+            why = "nothing that was tried helps" if not self.reached else "no change mends what is left"
+            yield f"{why if self.left or not self.reached else 'nothing to fix'}: {self.file} is the model as it was"
         for one in self.changes:
             yield f"changed  {one}"
         for said in self.left_out:
@@ -110,6 +142,8 @@ class Fix:
             yield f"mended  {few(list(self.mended))}"
         for finding in self.left:
             yield f"left  {finding.severity} {finding.code} {finding.name}  {finding.element}: {finding.line}"
+        if codes := dict.fromkeys(one.code for one in self.left if one.code not in MENDED):
+            yield f"left to you, for no change mends it: see {few([f'`oarlock explain {code}`' for code in codes])}"
         for said in filter(None, (self.reason, self.elsewhere_reason)):
             yield f"not reached  {said}"
         for path in self.written[:-1]:
@@ -130,11 +164,13 @@ class Fix:
                 }
                 for one in self.changes
             ],
+            "lines": [asdict(one) for one in self.lines],
             "left_out": list(self.left_out),
             "target": self.target,
             "drift_before": finite(self.before.drift),
             "drift": finite(self.after.drift),
             "unit": self.after.unit,
+            "controls": self.after.label,
             "elsewhere": [
                 {
                     "controls": trial.label,
@@ -167,15 +203,11 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
     require_place(exam.path, out)
     bench = Bench.of(exam)
     choice = choose_changes(bench)
-    written = write_changed(bench.base.path, out, choice.changes)
+    written = write_copies(bench.base.path, out, choice.changes)
     again = _begun(bench, choice.changes, out)
-    start = Start(again.qpos, again.qvel, getattr(again, "act", None), "file")
-    setting, duration = Setting.authored(again.model), exam.duration_s
-    after = run_trial(again.model, setting, start, exam.laws, duration, "the user's controls")
-    elsewhere = tuple(
-        run_trial(again.model, setting, start, bench.random_laws(seed), duration, f"random controls, seed {seed}")
-        for seed in bench.seeds
-    )
+    start, setting = Start(again.qpos, again.qvel, again.act, "file"), Setting.authored(again.model)
+    after = bench.run_model(again.model, setting, start)
+    elsewhere = tuple(bench.run_model(again.model, setting, start, seed) for seed in bench.seeds)
     for _ in examine(again):
         pass
     left = tuple(one for one in judge(again) if one.severity != "note")
@@ -184,6 +216,7 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
     return Fix(
         file=out,
         written=tuple(written),
+        lines=tuple(line for path, source in written.items() for line in changed_lines(source, path)),
         changes=tuple(_changed(bench, change, choice) for change in choice.changes),
         left_out=tuple(choice.left_out),
         target=bench.target,
@@ -248,4 +281,4 @@ def opens(trial: Trial) -> str:
     """What opens, and how far, in words."""
     if not math.isfinite(trial.drift):
         return f"the run diverges: {trial.end.message}"
-    return f"{quoted(str(trial.row))} opens by {drifts(trial)}"
+    return f"{quoted(trial.equality.name)} opens by {drifts(trial)}"

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field, replace
 import mujoco
 
 from oarlock.base.errors import InputError
-from oarlock.base.numbers import short
-from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
+from oarlock.base.text import quoted
+from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.edit.keyframe import new_name
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.candidates import Collision, closed_keyframe, coefficients, exclusions
-from oarlock.diagnosis.runs.recipe import Recipe, recipe
+from oarlock.diagnosis.fix.candidates import closed_keyframe, exclusions
+from oarlock.diagnosis.lint.collision import Collision
+from oarlock.diagnosis.runs.recipe import Recipe
 from oarlock.diagnosis.runs.trials import Setting, Trial
 from oarlock.mechanics.names import element_name, equalities
 
@@ -61,7 +62,7 @@ def choose_changes(bench: Bench) -> Choice:
     for exclusion, collision in exclusions(exam):
         wanted.append(exclusion)
         found.collisions[id(exclusion)] = collision
-    changes = [change for one in [*wanted, *coefficients(exam)] if (change := _with_room(bench, one, found))]
+    changes = [change for one in wanted if (change := _with_room(bench, one, found))]
     _settle(bench, found, changes)
     for change in list(changes):  # at the author's settings: stiff ones hide what a collision does
         rest = [one for one in changes if one is not change]
@@ -126,7 +127,7 @@ def _settings(bench: Bench, found: Choice, changes: list[Change], target: float)
         return None
     best: Settings | None = None
     if found.after.drift > target:
-        found.recipe = _recipe(bench, found, changes)
+        found.recipe = _recipe(bench, changes)
         if found.recipe is None:
             return None
         wanted = Settings(found.recipe.chosen.setting)
@@ -139,12 +140,8 @@ def _settings(bench: Bench, found: Choice, changes: list[Change], target: float)
         trial = bench.run(now, seed)
         if trial.drift <= target or exam.options.budget <= 0:
             continue
-        laws, duration = bench.random_laws(seed), exam.duration_s
-        start, model = bench.start(changes), bench.model(changes)
-        budget_s = exam.options.budget / len(bench.seeds)
-        other = recipe(model, start, laws, target, duration, seeds=(), budget_s=budget_s)
-        wanted = Settings(other.chosen.setting)
-        dear = _evaluations(wanted.setting, duration) > DEARER * _evaluations(first, duration)
+        wanted = Settings(bench.recipe(changes, seed).chosen.setting)
+        dear = _evaluations(bench, wanted.setting) > DEARER * _evaluations(bench, first)
         if dear or _worse(bench.run([*changes, wanted]), bench.run(now)):
             continue
         if _better(bench.run([*changes, wanted], seed), trial):
@@ -152,19 +149,18 @@ def _settings(bench: Bench, found: Choice, changes: list[Change], target: float)
     return best
 
 
-def _evaluations(setting: Setting, duration_s: float) -> int:
-    return setting.steps(duration_s) * setting.evaluations
+def _evaluations(bench: Bench, setting: Setting) -> int:
+    return setting.steps(bench.exam.duration_s) * setting.evaluations
 
 
-def _recipe(bench: Bench, found: Choice, changes: list[Change]) -> Recipe | None:
+def _recipe(bench: Bench, changes: list[Change]) -> Recipe | None:
     """That of the examination where it is of the same model from the same start; otherwise a new one."""
     exam = bench.exam
     if exam.options.budget <= 0 or not exam.closed:
         return None
     if exam is bench.base and exam.recipe is not None and all(isinstance(change, Keyframe) for change in changes):
         return exam.recipe
-    start, model = bench.start(changes), bench.model(changes)
-    return recipe(model, start, exam.laws, bench.target, exam.duration_s, budget_s=exam.options.budget)
+    return bench.recipe(changes)
 
 
 # In words.
@@ -191,8 +187,6 @@ def described(bench: Bench, change: Change, found: Choice) -> str:
             f" by {one.depth * 1e3:.2g} mm" if one.depth else ""
         )
         return f"no contacts of '{names[0]}' and '{names[1]}'{joins}"
-    if isinstance(change, Coefficients):
-        return f"polycoef {' '.join(map(short, change.polycoef))} of '{equalities(base.model)[change.equality].name}'"
     if isinstance(change, Settings):
         return _settings_in_words(bench, change)
     return type(change).__name__
@@ -209,8 +203,3 @@ def _settings_in_words(bench: Bench, change: Settings) -> str:
     count = sum(1 for one in equalities(bench.base.model) if one.kind.known)
     of = f" of {'the equality' if count == 1 else f'{count} equalities'}" if given else ""
     return ", ".join([*options, *([" and ".join(given) + of] if given else [])])
-
-
-def quoted(name: str) -> str:
-    """A name in quotes, unless it has some in it."""
-    return name if "'" in name else f"'{name}'"

@@ -24,4 +24,4 @@ def look(view: View) -> Iterator[Remark]:
         ]
         names = group.equalities
         figures = {"also": list(names[1:]), "singular_value": value}
-        yield Remark("L8", "; ".join([said, *tilts]), names[0], figures=figures)
+        yield Remark("L8", "; ".join([*tilts, said]), names[0], figures=figures)

@@ -3,7 +3,8 @@
 MuJoCo is told the anchor in the first body's frame, and takes the second body's where that is in the model's own pose:
 a gap that is drawn there is kept for good, as a lever that nobody sees. An anchor in the air alone is no mistake (a
 body without geoms, a disc that stands for a platform). With a link beside it that is drawn to an end at which nothing
-is held it is: the link was meant to be held there.
+is held it is: the link was meant to be held there. Unless the end lies on the line of the pin: along the axis of a
+hinge an anchor may stand anywhere, and two connects of the same bodies are the two ends of a pin.
 """
 
 from collections.abc import Iterator
@@ -73,8 +74,28 @@ def look(view: View) -> Iterator[Remark]:
             loose = drawing.loose_end(places[end])
             if loose is None or away <= max(AIR * drawing.length, drawing.thickness):
                 continue
+            if _on_pin(view, data, one, end, loose, drawing.thickness):
+                continue
             yield _remark(view, data, one, end, loose, float(np.linalg.norm(loose - places[end])))
             break
+
+
+def _on_pin(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.ndarray, thickness: float) -> bool:
+    """Whether an end (3) lies within a thickness of the line of a pin through the anchor."""
+    model = view.model
+    place = anchors(model, data, one)[end]
+    welded = model.body_weldid[list(one.bodies)]
+    hinges = (model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE) & np.isin(model.body_weldid[model.jnt_bodyid], welded)
+    twins = [
+        anchors(model, data, other)[other.bodies.index(one.bodies[end])] - place
+        for other in view.equalities
+        if other is not one and other.kind.joins_points and sorted(other.bodies) == sorted(one.bodies)
+    ]
+    for along in [*data.xaxis[hinges], *twins]:
+        length = float(np.linalg.norm(along))
+        if length > 0.0 and np.linalg.norm(np.cross(along, loose - place)) <= thickness * length:
+            return True
+    return False
 
 
 def _remark(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.ndarray, gap: float) -> Remark:
@@ -95,9 +116,10 @@ def _remark(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.
 def _drawing(view: View, data: mujoco.MjData, one: Equality, body: int, geoms: np.ndarray) -> Drawing:
     model = view.model
     weld = model.body_weldid[body]
-    children = [child for child in range(1, model.nbody) if model.body_weldid[model.body_parentid[child]] == weld]
-    own = [joint for joint in range(model.njnt) if model.body_weldid[model.jnt_bodyid[joint]] == weld]
-    theirs = [joint for joint in range(model.njnt) if model.jnt_bodyid[joint] in children]
+    children = np.flatnonzero(model.body_weldid[model.body_parentid] == weld)
+    children = children[children > 0]
+    own = np.flatnonzero(model.body_weldid[model.jnt_bodyid] == weld)
+    theirs = np.flatnonzero(np.isin(model.jnt_bodyid, children))
     others = [
         anchors(model, data, other)[side]
         for other in view.equalities

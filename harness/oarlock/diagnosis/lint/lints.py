@@ -11,7 +11,11 @@ from oarlock.diagnosis.lint import (
     doubled,
     doubtful,
     drawn,
+    locked,
+    opened,
+    opposed,
     pin,
+    relpose,
     servo,
     underdamped,
     unit,
@@ -21,15 +25,19 @@ from oarlock.mechanics.load import collected_warnings
 
 LINTS: dict[str, Callable[[View], Iterator[Remark]]] = {
     "contradictory": contradictory.look,
+    "opposed": opposed.look,
     "pin": pin.look,
     "collision": collision.look,
     "servo": servo.look,
     "unit": unit.look,
+    "relpose": relpose.look,
     "drawn": drawn.look,
     "doubtful": doubtful.look,
     "doubled": doubled.look,
     "underdamped": underdamped.look,
     "defined": defined.look,
+    "opened": opened.look,
+    "locked": locked.look,
 }
 """Name of a lint → what it has to say of a model."""
 

@@ -1,16 +1,12 @@
 """L10: a weld, or a second connect, where a pin leaves the loop its one degree of freedom."""
 
-import copy
 from collections.abc import Iterator
 
 import mujoco
 
 from oarlock.base.text import quoted
 from oarlock.diagnosis.lint.view import Remark, View
-from oarlock.diagnosis.loops.loops import Group, loops_at
-from oarlock.diagnosis.loops.mobility import find_mobility
 from oarlock.mechanics.names import Equality
-from oarlock.poses.assembly import Assembly
 
 JOINTS = 3
 """A planar chain of fewer joints does not move with a pin either."""
@@ -28,14 +24,14 @@ def look(view: View) -> Iterator[Remark]:
             if any(view.model.body_mocapid[body] >= 0 for body in one.bodies):
                 continue
             if one.kind.turns:
-                dof = _mobility(view, group, one, drop=False)
+                dof = view.freedom(group, one, _pinned)
                 if dof == 1:
                     bodies = " and ".join(f"'{view.body(body)}'" for body in one.bodies)
                     said = f"holds {bodies} as one body, and nothing of the loop can move; as a connect it leaves 1 "
                     yield _remark(one, f"{said}degree of freedom")
                     break
             elif twin := _twin(view, own, one):
-                dof = _mobility(view, group, one, drop=True)
+                dof = view.freedom(group, one, _dropped)
                 if dof == 1:
                     said = (
                         f"and {quoted(twin.name)} together hold their bodies as a weld does, and nothing of the loop "
@@ -54,23 +50,13 @@ def _twin(view: View, own: list[Equality], one: Equality) -> Equality | None:
     return next((other for other in others if not other.kind.turns), None)
 
 
-def _mobility(view: View, group: Group, one: Equality, drop: bool) -> int:
-    """Degrees of freedom that are truly there with a weld taken for a connect, or with an equality left out."""
-    model, data = copy.copy(view.model), mujoco.MjData(view.model)
-    data.qpos[:] = view.loops.qpos
-    data.eq_active[:] = view.data.eq_active
-    data.mocap_pos[:], data.mocap_quat[:] = view.data.mocap_pos, view.data.mocap_quat
-    if drop:
-        data.eq_active[one.index] = 0
-    else:
-        model.eq_type[one.index] = mujoco.mjtEq.mjEQ_CONNECT
-        if one.sites is None:
-            model.eq_data[one.index, :6] = [*one.anchor(view.model, 0), *one.anchor(view.model, 1)]
-    assembly = Assembly(model, data)
-    if not assembly.close():
-        return 0
-    loops = loops_at(assembly, dependent=False)
-    # By their numbers: a weld without a name is called another way as a connect.
-    own = {loop.equality.index for loop in view.loops.loops if loop.name in group.equalities}
-    names = {loop.name for loop in loops.loops if loop.equality.index in own}
-    return sum(each.near for each in find_mobility(assembly, loops) if each.moves and names & {*each.equalities})
+def _pinned(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> None:
+    """Takes a weld for a connect at the same place."""
+    place = [] if one.sites is not None else [*one.anchor(model, 0), *one.anchor(model, 1)]
+    model.eq_type[one.index] = mujoco.mjtEq.mjEQ_CONNECT
+    if place:
+        model.eq_data[one.index, :6] = place
+
+
+def _dropped(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> None:
+    data.eq_active[one.index] = 0

@@ -13,7 +13,9 @@ import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.diagnosis.lint.view import JOINT, Remark, View
-from oarlock.mechanics.names import element_name
+from oarlock.mechanics.coupled import coupled_ids
+from oarlock.mechanics.names import Equality, element_name
+from oarlock.stepping.closing import CONSISTENT
 
 TURN = 2.0 * math.pi
 
@@ -34,6 +36,12 @@ PART = math.pi / 12.0
 
 ROUNDED = 2e-3
 """Relative: 3.14, 1.57, 0.785 and 2.09 are multiples of π/12 within that, 0.52 is not."""
+
+CLOSES = 0.01
+"""Relative, of a constant that closes a coupling once it is read in degrees: what the digits of a keyframe leave."""
+
+PLACES = 64
+"""Of a range at which a polynomial is looked at."""
 
 _HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
 
@@ -125,15 +133,52 @@ def _of_controls(view: View) -> Iterator[Remark]:
 
 
 def _of_couplings(view: View) -> Iterator[Remark]:
-    model, found = view.model, []
+    """Where a coupling of hinges begins: beyond what they can do, or where degrees would close it."""
+    model, plain = view.model, []
     for one in view.equalities:
         if one.kind.holds != "joints" or model.jnt_type[model.eq_obj1id[one.index]] != _HINGE:
             continue
-        if degrees(offset := float(model.eq_data[one.index, 0])):
-            found.append((one.name, offset))
-    if found:
-        said = f"begins with {found[0][1]:g}, in radians {abs(found[0][1]) / TURN:.3g} turns: degrees were meant?"
-        yield _remark("polycoef", [name for name, _ in found], said)
+        offset = float(model.eq_data[one.index, 0])
+        meant = math.radians(offset)
+        beyond = not _met(model, one, offset) and _met(model, one, meant)
+        closes = abs(offset) > CONSISTENT and _off(view, one, meant) <= CLOSES * abs(meant)
+        if beyond or closes:
+            ranges = ", which the ranges of its joints do not admit" if beyond else ""
+            closed = ", with which it is closed at the start" if closes else ""
+            said = f"begins with {offset:g} rad{ranges}; {offset:g}° are {meant:.6g} rad{closed}: degrees were meant?"
+            yield Remark("A2", f"polycoef {said}", one.name, "error" if beyond else None, {"also": [], "wanted": meant})
+        elif degrees(offset):
+            plain.append((one.name, offset))
+    if plain:
+        said = f"begins with {plain[0][1]:g}, in radians {abs(plain[0][1]) / TURN:.3g} turns: degrees were meant?"
+        yield _remark("polycoef", [name for name, _ in plain], said)
+
+
+def _off(view: View, one: Equality, offset: float) -> float:
+    """By how much a coupling would be open at the start with another constant, rad."""
+    model = view.model
+    first, *second = (
+        float(view.data.qpos[model.jnt_qposadr[joint]] - model.qpos0[model.jnt_qposadr[joint]])
+        for joint in coupled_ids(model, one.index)
+    )
+    follows = float(np.polynomial.polynomial.polyval(second[0], model.eq_data[one.index, 1:5])) if second else 0.0
+    return abs(first - offset - (second[0] * follows if second else 0.0))
+
+
+def _met(model: mujoco.MjModel, one: Equality, offset: float) -> bool:
+    """Whether a coupling with some constant is met somewhere inside the ranges of its joints."""
+    ranges = []
+    for joint in coupled_ids(model, one.index):
+        zero = model.qpos0[model.jnt_qposadr[joint]]
+        ranges.append(model.jnt_range[joint] - zero if model.jnt_limited[joint] else np.array([-np.inf, np.inf]))
+    first, *second = ranges
+    follows = np.zeros(1)
+    if second and model.eq_data[one.index, 1:5].any():
+        if not np.isfinite(second[0]).all():
+            return True
+        places = np.linspace(*second[0], PLACES)
+        follows = places * np.polynomial.polynomial.polyval(places, model.eq_data[one.index, 1:5])
+    return bool(offset + follows.min() <= first[1] and offset + follows.max() >= first[0])
 
 
 def _of_keyframes(view: View) -> Iterator[Remark]:

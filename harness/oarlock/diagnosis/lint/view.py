@@ -1,5 +1,7 @@
 """A model at its start as lints look at it, and what they have to say of it."""
 
+import copy
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -7,8 +9,8 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.loops import Loops, loops_at
-from oarlock.diagnosis.loops.mobility import Tilt, find_tilts
+from oarlock.diagnosis.loops.loops import Group, Loops, loops_at
+from oarlock.diagnosis.loops.mobility import Tilt, find_mobility, find_tilts
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import Equality, element_name, equalities
@@ -57,6 +59,18 @@ class View:
         every = [] if model.opt.disableflags & off else equalities(model)
         self.equalities: list[Equality] = [one for one in every if data.eq_active[one.index]]
 
+    @property
+    def posed(self) -> bool:
+        """Whether the closed pose near the start was looked for."""
+        return self._pose is not None
+
+    @cached_property
+    def given(self) -> Assembly:
+        """Of the loops, at the start itself."""
+        assembly = Assembly(self.model, self.data)
+        assembly.place(self.data.qpos)
+        return assembly
+
     @cached_property
     def assembly(self) -> Assembly:
         """Of the loops, at the closed pose near the start if there is one."""
@@ -71,6 +85,24 @@ class View:
         if self._pose is not None:
             return self._pose.loops
         return loops_at(self.assembly, self.assembly.close(), dependent=False)
+
+    def freedom(
+        self, group: Group, one: Equality, change: Callable[[mujoco.MjModel, mujoco.MjData, Equality], None]
+    ) -> int:
+        """Degrees of freedom that a group truly has with one of its equalities changed, in a copy of the model."""
+        model, data = copy.copy(self.model), mujoco.MjData(self.model)
+        data.qpos[:] = self.loops.qpos
+        data.eq_active[:] = self.data.eq_active
+        data.mocap_pos[:], data.mocap_quat[:] = self.data.mocap_pos, self.data.mocap_quat
+        change(model, data, one)
+        assembly = Assembly(model, data)
+        if not assembly.close():
+            return 0
+        loops = loops_at(assembly, dependent=False)
+        # By their numbers: a weld without a name is called another way as a connect.
+        own = {loop.equality.index for loop in self.loops.loops if loop.name in group.equalities}
+        names = {loop.name for loop in loops.loops if loop.equality.index in own}
+        return sum(each.near for each in find_mobility(assembly, loops) if each.moves and names & {*each.equalities})
 
     def tilts(self, names: set[str]) -> tuple[Tilt, ...]:
         """Joints of some loops that alone are not in the plane of most."""

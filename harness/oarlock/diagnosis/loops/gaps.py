@@ -98,21 +98,37 @@ def openings_of(assembly: Assembly, residual: np.ndarray, rates: bool = False) -
     )
 
 
+def instants(rows: np.ndarray) -> list[int]:
+    """The steps at which an equality's rows (T, n) are longest: of a weld its point's and its rotation's, else one."""
+    parts = [rows[:, :3], rows[:, 3:]] if rows.shape[1] == 6 else [rows]
+    return [int(np.nan_to_num(np.linalg.norm(part, axis=1)).argmax()) for part in parts]
+
+
+def widest(model: mujoco.MjModel, equality: Equality, rows: np.ndarray) -> int:
+    """The step at which an equality stands open furthest, from its rows (T, n)."""
+    return max(instants(rows), key=lambda step: opening(model, equality, rows[step]).largest)
+
+
 def opening(model: mujoco.MjModel, equality: Equality, rows: np.ndarray, rates: bool = False) -> Opening:
-    """The gap of one equality from deviations of its rows, or from their rates.
+    """The gap of one equality from deviations of its rows (n), or from their rates."""
+    found = {unit: float(sizes[0]) for unit, sizes in gaps(model, equality, rows[None], rates).items()}
+    return Opening(equality.name, found.get("m"), found.get("rad"))
+
+
+def gaps(model: mujoco.MjModel, equality: Equality, rows: np.ndarray, rates: bool = False) -> dict[str, np.ndarray]:
+    """The gaps of one equality by unit (``m``, ``rad``), each (T), from its rows' deviations (T, n) or their rates.
 
     The rotation rows of a weld are τ sin(θ/2) of the angle θ, with the torque scale τ; their rates are ½τ θ̇ where the
     weld is closed.
     """
-    if equality.kind.joins_points:
-        metres = float(np.linalg.norm(rows[:3]))
-        scale = equality.torque_scale(model)
-        if scale <= 0.0:
-            return Opening(equality.name, metres, None)
-        sine = float(np.linalg.norm(rows[3:])) / scale
-        return Opening(equality.name, metres, 2.0 * sine if rates else 2.0 * float(np.arcsin(min(1.0, sine))))
-    size = float(np.abs(rows).max())
-    return Opening(equality.name, None, size) if equality.unit == "rad" else Opening(equality.name, size, None)
+    if not equality.kind.joins_points:
+        return {equality.unit: np.abs(rows).max(axis=1, initial=0.0)}
+    found = {"m": np.linalg.norm(rows[:, :3], axis=1)}
+    scale = equality.torque_scale(model)
+    if scale > 0.0:
+        sine = np.linalg.norm(rows[:, 3:], axis=1) / scale
+        found["rad"] = 2.0 * (sine if rates else np.arcsin(np.minimum(1.0, sine)))
+    return found
 
 
 # Around dead ends.

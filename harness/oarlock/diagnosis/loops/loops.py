@@ -198,7 +198,8 @@ def find_loops(model: mujoco.MjModel, data: mujoco.MjData | None = None) -> Loop
 def loops_at(assembly: Assembly, closed: bool = True, *, dependent: bool = True) -> Loops:
     """The loops at an assembly's present pose, whose position stage is valid.
 
-    Without ``dependent`` the dependencies are left out: of many rows they take longer than all the rest.
+    Without ``dependent`` dependencies and joints that stand still are left out: of many rows they take longer than all
+    the rest.
     """
     model, data = assembly.model, assembly.data
     jacobian = assembly.jacobian()
@@ -230,7 +231,9 @@ def loops_at(assembly: Assembly, closed: bool = True, *, dependent: bool = True)
                 shape=shape,
                 normal=normal,
                 dependencies=_dependencies(assembly, rows, scaled[rows], found.rank, zero[rows]) if dependent else (),
-                still=_still(model, scales[rows, None] * jacobian[rows][:, dofs], found.rank, dofs, joints),
+                still=_still(model, scales[rows, None] * jacobian[rows][:, dofs], found.rank, dofs, joints)
+                if dependent
+                else (),
             )
         )
         whole = np.zeros((len(assembly.rows), null.shape[1]))

@@ -98,7 +98,7 @@ def null_basis(scaled: np.ndarray, rank: int, scales: np.ndarray) -> np.ndarray:
     A row that was scaled by s has the multiplier s times that of the scaled one; rows scaled by 0 hold nothing, so that
     any multiplier of theirs does nothing.
     """
-    directions = np.linalg.svd(scaled)[0][:, rank:]
+    directions = np.linalg.svd(scaled, full_matrices=len(scaled) > scaled.shape[1])[0][:, rank:]
     return np.linalg.qr(directions * np.where(scales > 0, scales, 1.0)[:, None])[0]
 
 

@@ -18,10 +18,19 @@ from oarlock.poses.chart import arm_of, bounds, fenced, lengths
 from oarlock.stepping.beginning import beginning_of_file
 from oarlock.stepping.start import consistent_start
 
-_FREE, _BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+_FREE, _BALL, _HINGE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{name}")) for name in ("FREE", "BALL", "HINGE"))
 
 Drawn = tuple[
-    np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[str, ...], tuple[str, ...], float
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    np.ndarray,
+    tuple[str, ...],
+    tuple[str, ...],
+    float,
+    tuple[bool, ...],
 ]
 """As the attributes of ``Samples``, from ``qpos`` on."""
 
@@ -82,7 +91,26 @@ def draw(model: mujoco.MjModel, data: mujoco.MjData, own: int, others: int, seed
     rank = sum(group.rank for group in groups)
     qvel, left, energy = _velocities(Assembly(model, data), pose.qpos, qpos, rank, seed, speed)
     names = tuple(entry["name"] for entry in coordinates(model))
-    return qpos, qvel, branch, singular, left, _depths(model, data, qpos), names, speed_names(model), energy
+    return (
+        qpos,
+        qvel,
+        branch,
+        singular,
+        left,
+        _depths(model, data, qpos),
+        names,
+        speed_names(model),
+        energy,
+        _turning(model),
+    )
+
+
+def _turning(model: mujoco.MjModel) -> tuple[bool, ...]:
+    """Which entries of qpos are angles that turn on and on."""
+    found = np.zeros(model.nq, dtype=bool)
+    free = (model.jnt_type == _HINGE) & (model.jnt_limited == 0)
+    found[model.jnt_qposadr[free]] = True
+    return tuple(found.tolist())
 
 
 def _together(model: mujoco.MjModel, start: np.ndarray, groups: list[Spread]) -> np.ndarray:

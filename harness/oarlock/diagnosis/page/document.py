@@ -169,7 +169,7 @@ def _why(exam: Examination) -> dict[str, Any] | None:
 def _trial(trial: Trial) -> dict[str, Any]:
     names = ("label", "start", "drift", "unit", "time_s", "energy_error", "steps", "cost", "predicted")
     return {name: getattr(trial, name) for name in names} | {
-        "row": str(trial.row),
+        "equality": trial.equality.name,
         "end": trial.end.how,
         "setting": asdict(trial.setting),
     }
@@ -293,6 +293,7 @@ def trials_table(exam: Examination) -> pl.DataFrame:
             "solref": None if trial.setting.solref is None else list(trial.setting.solref),
             "drift": trial.drift,
             "unit": trial.unit,
+            "equality": trial.equality.name,
             "energy_error_j": trial.energy_error,
             "cost": trial.cost,
             "chosen": exam.recipe is not None and trial is exam.recipe.chosen,

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from oarlock.diagnosis.page import pictures
 from oarlock.diagnosis.page.blocks import STILL, Chapter, Picture, Stage
 from oarlock.diagnosis.page.chapters.contents import chapters
 from oarlock.diagnosis.page.chapters.findings import findings
+from oarlock.diagnosis.page.chapters.fixed import fixed
 from oarlock.diagnosis.page.chapters.head import head
 from oarlock.diagnosis.page.motion import Motion, motion, still
 from oarlock.diagnosis.verdict.answer import answer
@@ -31,7 +32,7 @@ def markdown_text(text: object) -> str:
     return re.sub(r"(?i)\b(www)\.", r"\1\\.", markdown(text).replace("://", ":\\//"))
 
 
-def write_page(exam: Examination, found: Sequence[Finding], folder: Path) -> Path:
+def write_page(exam: Examination, found: Sequence[Finding], folder: Path, fix: Mapping[str, Any] | None = None) -> Path:
     """Writes README.md, figures/*.svg and index.html.
 
     The folder is made whole under a temporary name and then takes the place of the old one.
@@ -40,13 +41,14 @@ def write_page(exam: Examination, found: Sequence[Finding], folder: Path) -> Pat
         exam: whatever there is of it; of the rest the page says why it is missing.
         found: the findings, in any order.
         folder: a new one, or an old report of this kind.
+        fix: the document of the file that mends it, if there is one.
 
     Raises:
         InputError: the folder cannot be written, or is not a report.
     """
     require_report(folder, CONTENTS)
     moving = motion(exam)
-    every = _illustrated(exam, moving)
+    every = [*_illustrated(exam, moving), *([fixed(fix)] if fix else [])]
     values = _values(exam, found, every)
     drawn = [block.figure for chapter in every for block in chapter.blocks if isinstance(block, Picture)]
     specs = {figure.name: json.loads(figure.spec) for figure in drawn}

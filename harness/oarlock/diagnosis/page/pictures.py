@@ -9,6 +9,7 @@ import polars as pl
 from oarlock.base.text import one_line as plain
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
@@ -62,17 +63,10 @@ def _rounded(frame: pl.DataFrame, digits: int = 5) -> pl.DataFrame:
 # Drift.
 
 
-def gaps(run: Recording | ExactRun, model_of: Recording, place: int) -> dict[str, np.ndarray]:
-    """How far an equality stands open at each step, by unit, as ``gaps.opening`` has it."""
+def _gaps(run: Recording | ExactRun, model_of: Recording, place: int) -> dict[str, np.ndarray]:
+    """How far an equality stands open at each step, by unit."""
     layout: Layout = run.layout
-    equality, own = layout.equalities[place], run.position[:, layout.of_equality(place)]
-    if not equality.kind.joins_points:
-        return {equality.unit: np.abs(own).max(axis=1, initial=0.0)}
-    found = {"m": np.linalg.norm(own[:, :3], axis=1)}
-    scale = equality.torque_scale(model_of.model)
-    if scale > 0.0:
-        found["rad"] = 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(own[:, 3:], axis=1) / scale))
-    return found
+    return gaps(model_of.model, layout.equalities[place], run.position[:, layout.of_equality(place)])
 
 
 def drift(exam: Examination) -> Figure | None:
@@ -82,13 +76,13 @@ def drift(exam: Examination) -> Figure | None:
         return None
     panels = []
     with np.errstate(all="ignore"):
-        every = [gaps(recording, recording, place) for place in range(len(recording.layout.equalities))]
+        every = [_gaps(recording, recording, place) for place in range(len(recording.layout.equalities))]
     order = sorted(range(len(every)), key=lambda place: -max(_largest(one) for one in every[place].values()))
     for place in order[:PANELS]:
         equality = recording.layout.equalities[place]
         exact: dict[str, np.ndarray] = {}
         if exam.exact is not None and equality in exam.exact.layout.equalities and len(exam.exact.time):
-            exact = gaps(exam.exact, recording, exam.exact.layout.equalities.index(equality))
+            exact = _gaps(exam.exact, recording, exam.exact.layout.equalities.index(equality))
         for unit, values in every[place].items():
             curves = {MUJOCO: envelope(recording.time, values, POINTS)}
             if unit in exact and exam.exact is not None:

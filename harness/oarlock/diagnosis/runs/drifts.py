@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.gaps import opening
+from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.poses.layout import Layout
@@ -76,11 +76,7 @@ def _worst(
     equality, own = layout.equalities[place], values[:, layout.of_equality(place)]
     if not len(own):
         return None, None, 0
-    # Lengths of the first three rows, and of the rest: the row with the largest of each is the worst moment.
-    parts = [own[:, :3], own[:, 3:]] if own.shape[1] == 6 else [own]
-    instants = [int(np.nan_to_num(np.linalg.norm(part, axis=1)).argmax()) for part in parts]
-    found = [opening(model, equality, own[at], rates) for at in instants]
-    metres = max((one.metres for one in found if one.metres is not None), default=None)
-    radians = max((one.radians for one in found if one.radians is not None), default=None)
-    largest = max(range(len(found)), key=lambda index: found[index].largest)
-    return metres, radians, instants[largest]
+    sizes = gaps(model, equality, own, rates)
+    instants = {unit: int(np.nan_to_num(size).argmax()) for unit, size in sizes.items()}
+    worst = {unit: float(sizes[unit][at]) for unit, at in instants.items()}
+    return worst.get("m"), worst.get("rad"), instants[max(worst, key=lambda unit: worst[unit])]

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.runs.exact import ExactRun
-from oarlock.mechanics.inequalities import ELLIPTIC, KINDS, row_name
+from oarlock.mechanics.inequalities import ELLIPTIC, KINDS, row_name, row_unit
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.reactions import VANISHES
 from oarlock.mechanics.rows import jacobian
@@ -29,13 +29,14 @@ class Fight:
 
     Attributes:
         others: the limits and contacts, in words; equalities: the names of those that bear it.
-        first_s: since when; largest: the largest force of one of them, N or N m, of a contact along the normal.
+        first_s: since when; largest: the largest force of one of them, of a contact along the normal; unit: of it.
     """
 
     others: tuple[str, ...]
     equalities: tuple[str, ...]
     first_s: float
     largest: float
+    unit: str
 
 
 def find_fight(model: mujoco.MjModel, exact: ExactRun) -> Fight | None:
@@ -46,10 +47,11 @@ def find_fight(model: mujoco.MjModel, exact: ExactRun) -> Fight | None:
     data = mujoco.MjData(model)
     others: dict[str, float] = {}
     equalities: dict[str, float] = {}
+    units: dict[str, str] = {}
     for look in dict.fromkeys(np.linspace(0, len(fought) - 1, LOOKS).astype(int).tolist()):
         data.qpos[:] = exact.qpos[fought[look]]
         mujoco.mj_forward(model, data)
-        pushes, bears = _look(model, data)
+        pushes, bears = _look(model, data, units)
         for known, new in ((others, pushes), (equalities, bears)):
             for name, force in new.items():
                 known[name] = max(known.get(name, 0.0), force)
@@ -59,11 +61,18 @@ def find_fight(model: mujoco.MjModel, exact: ExactRun) -> Fight | None:
         return None
     told = tuple(name for name, force in others.items() if force > COUNTS * largest)
     bearing = tuple(name for name, force in equalities.items() if force > COUNTS * largest)
-    return Fight(told, bearing, float(exact.time[fought[0]]), largest)
+    return Fight(
+        told, bearing, float(exact.time[fought[0]]), largest, units[max(others, key=lambda name: others[name])]
+    )
 
 
-def _look(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[dict[str, float], dict[str, float]]:
-    """Forces at one state of those that push against loops alone, by name, and what each equality bears of them."""
+def _look(
+    model: mujoco.MjModel, data: mujoco.MjData, units: dict[str, str]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Forces at one state of those that push against loops alone, by name, and what each equality bears of them.
+
+    Puts their units into ``units``.
+    """
     ne, kinds, owners = data.ne, data.efc_type.tolist(), data.efc_id.tolist()
     rows = jacobian(model, data)
     sizes = np.linalg.norm(rows, axis=1)
@@ -88,6 +97,7 @@ def _look(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[dict[str, float],
         parts = borne[row - ne]
         name = row_name(model, data, row)
         pushes[name] = pushes.get(name, 0.0) + force
+        units[name] = row_unit(model, data, row)
         for part, equality in zip(parts.tolist(), data.efc_id[held].tolist(), strict=True):
             if abs(part) > COUNTS * sizes[row]:
                 named = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, equality)

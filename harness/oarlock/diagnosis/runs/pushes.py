@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from oarlock.mechanics.inequalities import ELLIPTIC, KINDS, Kind, row_name
+from oarlock.mechanics.inequalities import ELLIPTIC, KINDS, Kind, row_name, row_unit
 
 SLIPS = 1.0 - 1e-9
 """Of the friction loss: a force as large as that slips, and is rounded."""
@@ -20,7 +20,8 @@ class Push:
         first_s, last_s: when it pushed first and last, s.
         steps: in how many steps it pushed.
         stuck: in how many of them a friction was below its loss.
-        largest: its largest force, N or N m; of a contact along the normal, all its points together.
+        largest: its largest force; of a contact along the normal, all its points together; unit: N m about a hinge or
+            ball, else N.
         geoms: of a contact, the numbers of its two.
     """
 
@@ -31,6 +32,7 @@ class Push:
     steps: int = 0
     stuck: int = 0
     largest: float = 0.0
+    unit: str = "N"
     geoms: tuple[int, ...] = ()
 
 
@@ -75,6 +77,7 @@ class Pushes:
         if key not in self._found:
             kind = KINDS[int(data.efc_type[row])]
             self._found[key] = Push(kind, row_name(self._model, data, row), data.time, data.time)
+            self._found[key].unit = row_unit(self._model, data, row)
             self._found[key].geoms = key[1:] if kind == "contact" else ()
         push = self._found[key]
         push.last_s, push.largest = data.time, max(push.largest, abs(force))

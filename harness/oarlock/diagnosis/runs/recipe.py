@@ -15,15 +15,15 @@ from typing import Literal
 import mujoco
 
 from oarlock.base.errors import InputError
+from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.options import BUDGET_S
 from oarlock.diagnosis.runs.budget import Budget, CutShortError
 from oarlock.diagnosis.runs.solving import Solving
-from oarlock.diagnosis.runs.trials import Setting, Start, Trial, disturbed, run_trial
+from oarlock.diagnosis.runs.trials import Made, Setting, Start, Trial, disturbed
 from oarlock.mechanics.curvature import bends
-from oarlock.mechanics.names import equalities
 from oarlock.mechanics.prepare import integrator_of
-from oarlock.poses.layout import Layout, Row
+from oarlock.poses.layout import Layout
 
 STIFF_SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
 """MuJoCo's smallest softness, the same at every deviation."""
@@ -142,8 +142,9 @@ def recipe(
     seeds: tuple[int, ...] = SEEDS,
     max_steps: int = MAX_STEPS,
     budget_s: float = BUDGET_S,
+    made: Made | None = None,
 ) -> Recipe:
-    """Finds settings that keep every row within a target, by runs of MuJoCo alone.
+    """Finds settings that keep every equality within a target, by runs of MuJoCo alone.
 
     Args:
         model: the user's; it is left alone.
@@ -154,6 +155,7 @@ def recipe(
         seeds: of the disturbed starts that the outcome is verified from.
         max_steps: of a run.
         budget_s: for all runs, as of ``Budget``; one that does not fit into what is left is not begun.
+        made: runs of before; one of them is charged as if it were made anew, so that what is chosen is the same.
 
     Raises:
         InputError: the target or the duration is not a finite number above 0.
@@ -161,7 +163,7 @@ def recipe(
     for what, value in (("target", target), ("duration_s", duration_s)):
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{what} = {value:g}, expected a finite number > 0")
-    return _Search(model, start, laws, target, duration_s, max_steps, Budget(budget_s)).run(seeds)
+    return _Search(model, start, laws, target, duration_s, max_steps, Budget(budget_s), made or Made()).run(seeds)
 
 
 _Family = tuple[str, str]
@@ -180,11 +182,12 @@ class _Search:
         duration_s: float,
         max_steps: int,
         budget: Budget,
+        made: Made,
     ):
         self._model, self._start, self._laws = model, start, laws
         self._target, self._duration_s, self._max_steps = target, duration_s, max_steps
         self._size = Layout.of(model).rows + model.nv
-        self._budget = budget
+        self._budget, self._made = budget, made
         self._refused = self._short = ""
         self._floored = False
         self._solving: Solving | None = None
@@ -281,7 +284,7 @@ class _Search:
                 first |= {family: self._first(family, timestep) for family in extra}
         for family, trial in sorted(first.items(), key=lambda item: self._expected(item[1])):
             held = [one for one in self._own_trials() if one.drift <= self._target]
-            if trial and (not held or self._expected(trial) < min(one.evaluations for one in held)):
+            if trial and (not held or ALIKE * self._expected(trial) < min(one.evaluations for one in held)):
                 self._refine(family, trial)
         return self._cheapest(self._own_trials())
 
@@ -393,7 +396,7 @@ class _Search:
         predicted: float | None = None,
         tick: Callable[[], None] | None = None,
     ) -> Trial:
-        trial = run_trial(self._model, setting, start, self._laws, self._duration_s, label, predicted, tick)
+        trial = self._made.run(self._model, setting, start, self._laws, self._duration_s, label, predicted, tick)
         self._budget.spend(trial.taken, trial.taken * setting.evaluations, self._size)
         self._trials.append(trial.against(self._trials[0] if self._trials else trial))
         return self._trials[-1]
@@ -440,18 +443,14 @@ class _Search:
         if not math.isfinite(best.drift):
             return f"no run so far stays finite: {best.end.message}"
         if best.drift > self._target:
-            return f"'{best.row}' opens by {best.drift:.2g} {best.unit} at best so far"
+            return f"{quoted(best.equality.name)} opens by {best.drift:.2g} {best.unit} at best so far"
         own = f"'{best.label}' at {best.setting.timestep_s:g} s holds from the user's own start"
         tried = self._tried(best.setting, starts)
         worst = max(tried, key=lambda trial: trial.drift, default=best)
         if worst.drift > self._target:
-            opened = f"'{worst.row}' opens by {worst.drift:.2g} {worst.unit}"
+            opened = f"{quoted(worst.equality.name)} opens by {worst.drift:.2g} {worst.unit}"
             return f"{own}, but from a disturbed one {opened if math.isfinite(worst.drift) else 'the run diverges'}"
         return f"{own}, and {len(tried)} of {len(starts)} disturbed ones were tried"
-
-    def _bends(self, row: Row) -> bool:
-        named = [one for one in equalities(self._model) if (one.name, one.kind) == (row.equality, row.kind)]
-        return any(bends(self._model, one) for one in named)
 
     def _failure(self, best: Trial, verified: list[Trial]) -> str:
         said = []
@@ -459,9 +458,9 @@ class _Search:
         if not math.isfinite(best.drift):
             said.append(f"no run stays finite: {best.end.message}")
         elif best.drift <= self._target:
-            said.append(f"from a disturbed start '{worst.row}' opens by {worst.drift:.2g} {worst.unit}")
+            said.append(f"from a disturbed start {quoted(worst.equality.name)} opens by {worst.drift:.2g} {worst.unit}")
         else:
-            said.append(f"'{best.row}' opens by {best.drift:.2g} {best.unit} at best")
+            said.append(f"{quoted(best.equality.name)} opens by {best.drift:.2g} {best.unit} at best")
         if self._refused:
             said.append(self._refused)
         elif math.isfinite(best.drift) and best.drift > self._target:
@@ -470,6 +469,7 @@ class _Search:
                 if self._floored
                 else f"smaller timesteps help, and no more than {CORRECTIONS} one after another are tried"
             )
-        if worst.row.kind.leaves_curvature_out and self._bends(worst.row):
-            said.append(f"MuJoCo leaves J̇v out on rows of a {worst.row.kind} equality, and no softness makes up for it")
+        kind = worst.equality.kind
+        if kind.leaves_curvature_out and bends(self._model, worst.equality):
+            said.append(f"MuJoCo leaves J̇v out on rows of a {kind} equality, and no softness makes up for it")
         return "; ".join(said)

@@ -31,6 +31,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.diagnosis.loops.gaps import widest
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.rows import closing_jacobian
@@ -57,7 +58,8 @@ class Share:
 
     Attributes:
         name: of the equality.
-        worst: its largest deviation, m or rad, with sign; row and time_s say where and when.
+        worst: deviation, m or rad, with sign, of the row that is off most where it opens furthest; row and time_s say
+            where and when.
         row: number of that row among all.
         label, unit: of that row.
         parts: cause → part of it, m or rad, with sign; they add up to ``worst``.
@@ -282,6 +284,14 @@ def _work(recording: Recording) -> np.ndarray:
     return h * np.cumsum(np.stack(by_equality, axis=1), axis=0)
 
 
+def _worst_row(recording: Recording, place: int) -> tuple[int, int]:
+    """The step at which an equality opens furthest, as the drift is told, and the row that is off most there."""
+    equality, rows = recording.layout.equalities[place], recording.layout.of_equality(place)
+    step = widest(recording.model, equality, recording.position[:, rows])
+    own = np.abs(recording.position[step, rows])
+    return step, int(rows.start + own.argmax())
+
+
 def _shares(recording: Recording, position: np.ndarray, work: np.ndarray) -> list[Share]:
     layout, found = recording.layout, []
     for place, equality in enumerate(layout.equalities):
@@ -289,9 +299,8 @@ def _shares(recording: Recording, position: np.ndarray, work: np.ndarray) -> lis
         own = recording.position[:, rows]
         if not recording.present[:, rows].any():
             continue
-        step, offset = np.unravel_index(int(np.abs(own).argmax()), own.shape)
-        row = int(rows.start + offset)
-        worst = float(own[step, offset])
+        step, row = _worst_row(recording, place)
+        worst = float(recording.position[step, row])
         parts = {cause: float(part) for cause, part in zip(CAUSES, position[:, step, row], strict=True)}
         own_parts = position[:, :, rows]
         square = float((own * own).sum())

@@ -1,4 +1,4 @@
-"""A run without the contacts of some pairs of bodies, to see what those contacts do to the loops."""
+"""A run without the contacts of some pairs of bodies, or of another model, to see what those do to the loops."""
 
 import mujoco
 import numpy as np
@@ -72,19 +72,28 @@ def drifts_without(recording: Recording, pairs: set[Pair]) -> dict[str, Drift]:
         Equality → its drift; empty where they cannot be told apart by masks, or the run does not stay finite.
     """
     model = separated(recording.model, pairs)
-    if model is None:
+    again = run_with(recording, model) if model is not None else None
+    if model is None or again is None:
         return {}
+    return {
+        one.name: drift_of(model, recording.layout, place, again[0], recording.time)
+        for place, one in enumerate(recording.layout.equalities)
+    }
+
+
+def run_with(recording: Recording, model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray] | None:
+    """The same run of another model, of the same joints, equalities and actuators.
+
+    Returns:
+        Deviations of all rows (steps, rows) and coordinates (steps, nq); None where it does not stay finite.
+    """
     data, layout = recording.restart(model), recording.layout
     columns, steps = RowColumns(layout), len(recording.time)
-    position = np.zeros((steps, layout.rows))
+    position, qpos = np.zeros((steps, layout.rows)), np.zeros((steps, model.nq))
     taken = 0
     with np.errstate(all="ignore"), collected_warnings():
         for step in walk(model, data, drive(model, recording.laws), steps):
-            position[step, columns.of(data)] = data.efc_pos[: data.ne]
+            position[step, columns.of(data)] = data.efc_pos[columns.rows(data)]
+            qpos[step] = data.qpos
             taken = step + 1
-    if not taken or taken < steps:
-        return {}
-    return {
-        one.name: drift_of(model, layout, place, position, recording.time)
-        for place, one in enumerate(layout.equalities)
-    }
+    return (position, qpos) if taken and taken == steps else None

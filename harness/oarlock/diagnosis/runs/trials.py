@@ -2,21 +2,23 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from hashlib import blake2b
 
 import mujoco
 import numpy as np
 
 from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
+from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.flexes import without_flexes
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
-from oarlock.mechanics.names import equalities
+from oarlock.mechanics.names import Equality, equalities
 from oarlock.mechanics.prepare import integrator_of, set_integrator
-from oarlock.poses.layout import Layout, Row, RowColumns
+from oarlock.poses.layout import Layout, RowColumns
 from oarlock.stepping.closing import close
 from oarlock.stepping.projection import Projector
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
@@ -25,6 +27,9 @@ DISTURBANCES = (0.05, 0.01)
 """Deviations of what disturbs a start, rad or m, and per s; the smaller one where the larger cannot be closed."""
 
 _BLOCK = 1024
+
+TICKS = 64
+"""Steps between two looks at the clock: one may take as long as three steps, where it is a call of the system."""
 
 
 @dataclass(frozen=True)
@@ -111,9 +116,9 @@ class Trial:
     Attributes:
         label: what the setting is, in a word or two.
         start: name of the start.
-        drift: largest deviation of any row over the run, m or rad; infinite if it diverged.
-        row: which one; time_s: when.
-        opening: largest deviation of any row at the start, m or rad.
+        drift: largest gap of any equality over the run, m or rad, as of ``gaps``; infinite if it diverged.
+        equality: whose it is; unit: of it; time_s: when.
+        opening: largest gap of any equality at the start, m or rad.
         energy_error: largest energy that came from nowhere, J, as ``Recording.energy_error``; kinetic_energy: the
             largest, J.
         steps: of the run, had it stayed finite; taken: those that it took.
@@ -125,7 +130,8 @@ class Trial:
     setting: Setting
     start: str
     drift: float
-    row: Row
+    equality: Equality
+    unit: str
     time_s: float
     opening: float
     energy_error: float
@@ -137,11 +143,6 @@ class Trial:
     predicted: float | None = None
 
     @property
-    def unit(self) -> str:
-        """Of the drift."""
-        return self.row.unit
-
-    @property
     def evaluations(self) -> int:
         """Of the model, over all steps: what the run costs, whatever machine it is made on."""
         return self.steps * self.setting.evaluations
@@ -150,6 +151,33 @@ class Trial:
         """With its cost relative to another trial's."""
         finished = self.end.how == "finished"
         return replace(self, cost=self.evaluations / authored.evaluations if finished else None)
+
+
+class Made:
+    """Runs that were made: one that is asked for again is not made again."""
+
+    def __init__(self):
+        self._made: dict[tuple[object, ...], Trial] = {}
+
+    def run(
+        self,
+        model: mujoco.MjModel,
+        setting: Setting,
+        start: Start,
+        laws: dict[str, str],
+        duration_s: float,
+        label: str,
+        predicted: float | None = None,
+        tick: Callable[[], None] | None = None,
+    ) -> Trial:
+        """As ``run_trial``; what decides about a run is compared bit for bit, all of the model included."""
+        buffer = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, buffer)
+        state = tuple(None if part is None else part.tobytes() for part in (start.qpos, start.qvel, start.act))
+        key = (blake2b(buffer.tobytes()).digest(), setting, state, tuple(laws.items()), duration_s)
+        if key not in self._made:
+            self._made[key] = run_trial(model, setting, start, laws, duration_s, label, predicted, tick)
+        return replace(self._made[key], label=label, start=start.name, predicted=predicted, cost=None)
 
 
 def run_trial(
@@ -172,7 +200,7 @@ def run_trial(
         duration_s: how long.
         label: for the trial.
         predicted: the drift that is expected.
-        tick: called at every step; what it raises ends the run.
+        tick: called every ``TICKS`` steps; what it raises ends the run.
     """
     own = own_copy(model)
     setting.apply(own)
@@ -182,10 +210,10 @@ def run_trial(
     driven = drive(own, laws)
     columns, block = RowColumns(layout), np.zeros((_BLOCK, layout.rows))
     energy, power = np.zeros((steps, 2)), np.zeros(steps)
-    worst, row, at, taken, opening = 0.0, 0, 0, 0, 0.0
+    worst, taken = _Worst(own, layout), 0
     with np.errstate(all="ignore"), collected_warnings():
         for step in walk(own, data, driven, steps):
-            if tick is not None:
+            if tick is not None and step % TICKS == 0:
                 tick()
             energy[step], power[step] = data.energy, other_power(data, layout.skipped)
             slot = step % _BLOCK
@@ -194,23 +222,21 @@ def run_trial(
             else:
                 block[slot] = 0.0
                 block[slot, columns.of(data)] = data.efc_pos[columns.rows(data)]
-            if step == 0:
-                opening = float(np.abs(block[0]).max(initial=0.0))
             taken = step + 1
-            if slot == _BLOCK - 1 or taken == steps:
-                worst, row, at = _worst(block[: slot + 1], taken, worst, row, at)
-        if taken < steps:
-            worst, row, at = _worst(block[: taken % _BLOCK], taken, worst, row, at)
+            if slot == _BLOCK - 1:
+                worst.see(block)
+        worst.see(block[: taken % _BLOCK])
     finished = taken == steps
     errors = energy_error(energy[:taken], power[:taken], setting.timestep_s)
     return Trial(
         label=label,
         setting=setting,
         start=start.name,
-        drift=worst if finished else float("inf"),
-        row=layout.named[row],
-        time_s=at * setting.timestep_s,
-        opening=opening,
+        drift=worst.size if finished else float("inf"),
+        equality=worst.equality,
+        unit=worst.unit,
+        time_s=worst.step * setting.timestep_s,
+        opening=worst.opening,
         energy_error=float("nan") if driven.mocaps else float(np.abs(errors).max(initial=0.0)),
         kinetic_energy=float(energy[:taken, 1].max(initial=0.0)),
         steps=steps,
@@ -228,12 +254,26 @@ def _data(model: mujoco.MjModel, start: Start) -> mujoco.MjData:
     return data
 
 
-def _worst(block: np.ndarray, taken: int, worst: float, row: int, at: int) -> tuple[float, int, int]:
-    if block.size == 0:
-        return worst, row, at
-    step, column = np.unravel_index(int(np.abs(block).argmax()), block.shape)
-    size = float(abs(block[step, column]))
-    return (size, int(column), taken - len(block) + int(step)) if size > worst else (worst, row, at)
+class _Worst:
+    """The largest gap of a run, whose rows come block by block."""
+
+    def __init__(self, model: mujoco.MjModel, layout: Layout):
+        self._model, self._layout, self._seen = model, layout, 0
+        self.size, self.step, self.opening = 0.0, 0, 0.0
+        self.equality = layout.equalities[0]
+        self.unit = "m" if self.equality.kind.joins_points else self.equality.unit
+
+    def see(self, block: np.ndarray) -> None:
+        """Looks at the next rows, (steps, rows)."""
+        for place, equality in enumerate(self._layout.equalities if len(block) else ()):
+            for unit, sizes in gaps(self._model, equality, block[:, self._layout.of_equality(place)]).items():
+                if not self._seen:
+                    self.opening = max(self.opening, float(sizes[0]))
+                at = int(sizes.argmax())
+                if sizes[at] > self.size:
+                    self.size, self.step = float(sizes[at]), self._seen + at
+                    self.equality, self.unit = equality, unit
+        self._seen += len(block)
 
 
 def disturbed(model: mujoco.MjModel, start: Start, seed: int) -> Start | None:

@@ -1,10 +1,14 @@
 """What is left of a drift where a cause of it is taken away: the same run of MuJoCo without that cause.
 
 The parts of the row law add up, but may oppose one another: a part of 113 % is none that taking it away would save. So
-what a finding says of time stepping is measured, by two runs from the same start:
+what a finding says of time stepping and of the solver is measured, by runs from the same start:
 
     stepping    a quarter of the timestep, with every row's stiffness and damping as they were in use
     implicit    Euler without eulerdamp, which is explicit, in place of an integrator that treats damping implicitly
+    solver      Newton, with iterations and a tolerance that are enough, in place of a solver that stopped early
+
+A solver that stops early leaves M qacc and the constraint forces apart. Euler with eulerdamp steps by the forces, and the
+row law reads qacc: to it all of that is time stepping.
 """
 
 import copy
@@ -15,8 +19,9 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.gaps import Opening, opening
+from oarlock.diagnosis.loops.gaps import Opening, gaps, opening
 from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.stability import stability
 from oarlock.diagnosis.runs.walking import walk
 from oarlock.mechanics.controls import drive
@@ -34,7 +39,14 @@ MOST_STEPS = 40_000
 ABOUT = 0.02
 """Of the run: what is left is looked for so near to the worst moment. At others another cause may do as much."""
 
-Cause = Literal["stepping", "implicit"]
+LEFT = 1e-3
+"""Of the largest R f of a step: a solver that leaves more of the rows' question, or is at its last iteration, stopped
+early. CG and PGS leave 1e-6 and less where they arrive."""
+
+MOST = 0.5
+"""Of a drift: a cause that takes more of it away is the one that leads."""
+
+Cause = Literal["stepping", "implicit", "solver"]
 
 _EXPLICIT = "euler"
 
@@ -45,7 +57,8 @@ class Without:
 
     Attributes:
         cause: what was taken away.
-        left: equality → its largest gap about the moment at which it was worst; empty where the run diverged.
+        left: equality → its largest gap about the moment at which it was worst, or of the whole run where the run with
+            the cause diverged; empty where this run did.
     """
 
     cause: Cause
@@ -64,12 +77,41 @@ def find_without(recording: Recording) -> list[Without]:
     Args:
         recording: MuJoCo's run as configured.
     """
-    found = []
+    found: list[Without] = []
     if PARTS * recording.steps <= MOST_STEPS:
         found.append(_without("stepping", recording, PARTS, _finer))
     if implicit(recording.model, recording.integrator):
         found.append(_without("implicit", recording, 1, _explicit))
     return found
+
+
+def find_fed(recording: Recording, steps: int) -> list[Without]:
+    """The same run with a solver that is enough, where the model's own stopped early; empty where it did not.
+
+    Args:
+        recording: MuJoCo's run as configured.
+        steps: how many it had made if it had stayed finite.
+    """
+    given = Solving.of(recording.model)
+    if not (given.short and _stopped_early(recording)):
+        return []
+    return [_without("solver", recording, 1, given.enough.apply, steps)]
+
+
+def _stopped_early(recording: Recording) -> bool:
+    if recording.iterations.max(initial=0) >= recording.model.opt.iterations:
+        return True
+    missed = np.abs(recording.softness * (recording.force - recording.exact_force)).max(axis=1, initial=0.0)
+    return bool((missed > LEFT * np.abs(recording.softness * recording.force).max(axis=1, initial=0.0)).any())
+
+
+def starving(found: list[Without], equality: str, given: float) -> Without | None:
+    """The run with a solver that is enough, where that takes most of the gap (m or rad) of an equality away."""
+    for one in found:
+        part = one.part(equality, given)
+        if one.cause == "solver" and part is not None and part >= MOST:
+            return one
+    return None
 
 
 def implicit(model: mujoco.MjModel, integrator: str) -> bool:
@@ -96,33 +138,42 @@ def _without(
     recording: Recording,
     parts: int,
     change: Callable[[mujoco.MjModel], None],
+    steps: int | None = None,
 ) -> Without:
     model = copy.deepcopy(recording.model)
     change(model)
     data = recording.restart(model)
     layout, taken = recording.layout, 0
-    columns, position = RowColumns(layout), np.zeros((recording.steps, layout.rows))
+    steps = steps or recording.steps
+    columns, position = RowColumns(layout), np.zeros((steps, layout.rows))
     with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(model, data, drive(model, recording.laws), parts * recording.steps):
+        for step in walk(model, data, drive(model, recording.laws), parts * steps):
             if step % parts == 0:
                 position[step // parts, columns.of(data)] = data.efc_pos[columns.rows(data)]
             taken = step + 1
-    if taken < parts * recording.steps:
+    if taken < parts * steps:
         return Without(cause, {})
-    left = {one.name: _left(recording, place, position) for place, one in enumerate(layout.equalities)}
+    left = {one.name: left_about(recording, place, position) for place, one in enumerate(layout.equalities)}
     return Without(cause, left)
 
 
-def _left(recording: Recording, place: int, position: np.ndarray) -> Opening:
-    """The largest gap of an equality about the moment at which it was worst."""
+def left_about(recording: Recording, place: int, position: np.ndarray) -> Opening:
+    """The largest gap of an equality in another run (steps, rows), about the moment at which it was worst in this one."""
+    rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
+    return _worst(recording.model, equality, position[about(recording, place), rows])[0]
+
+
+def about(recording: Recording, place: int) -> slice:
+    """Steps about the moment at which an equality was worst; all of them where the run diverged."""
+    if recording.end.how != "finished":
+        return slice(None)
     rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
     _, worst = _worst(recording.model, equality, recording.position[:, rows])
     around = max(2, int(ABOUT * recording.steps))
-    return _worst(recording.model, equality, position[max(0, worst - around) : worst + around + 1, rows])[0]
+    return slice(max(0, worst - around), worst + around + 1)
 
 
 def _worst(model: mujoco.MjModel, equality: Equality, rows: np.ndarray) -> tuple[Opening, int]:
     """The largest gap of an equality, of its points or of its angle, whichever is larger; and the step."""
-    parts = [rows[:, :3], rows[:, 3:]] if rows.shape[1] == 6 else [rows]
-    instants = {int(np.linalg.norm(part, axis=1).argmax()) for part in parts}
+    instants = {int(sizes.argmax()) for sizes in gaps(model, equality, rows).values()}
     return max(((opening(model, equality, rows[at]), at) for at in instants), key=lambda one: one[0].largest)

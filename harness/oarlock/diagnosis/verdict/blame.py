@@ -11,13 +11,15 @@ from oarlock.base.errors import few
 from oarlock.base.numbers import finite, percent
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.lint.locked import how_bad
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
 from oarlock.diagnosis.runs.recipe import LOST, Recipe
 from oarlock.diagnosis.runs.row_law import Share
+from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.trials import Setting, Trial
-from oarlock.diagnosis.runs.without import Without
+from oarlock.diagnosis.runs.without import MOST, Without, starving
 from oarlock.diagnosis.verdict.causes import CAUSE, IMPLICIT, Cause
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found
 from oarlock.mechanics.rows import closing_jacobian
@@ -27,9 +29,6 @@ SCALE = 3.0
 
 UNSURE = 0.25
 """Of the drift at its worst moment: a second cause with so large a part is named too."""
-
-MEANT = 0.05
-"""Smallest singular value of a group that is locked, of the largest: above it no small error locked it."""
 
 SAGS = 1.5
 """Times the largest sum of |f r|: a load that is let go takes f r once, and what overshoots is less than half of it. So
@@ -84,6 +83,8 @@ def drift(exam: Examination) -> Iterator[Finding]:
         if share.name in beyond or share.leading == "start":  # the start has its own finding
             continue
         part = _part(exam, share, worst)
+        if part is None:
+            continue
         causes.setdefault((part.cause.code, groups.get(share.name, -1)), []).append((share, worst, part))
     for (code, _), members in causes.items():
         share, worst, part = max(members, key=lambda one: abs(one[0].worst))
@@ -110,17 +111,27 @@ class Part:
 
     Attributes:
         cause: in words, with its code.
-        size: of the whole, 0 to 1: what taking it away saves, or where that is not measured, its part by the row law.
+        size: of the whole, 0 to 1: what taking it away saves, or where that is not measured, its part by the row law;
+            None where a run without it is not to be had, and the row law does not tell it from others.
         left: what is left without it, in words; empty where that is not measured.
     """
 
     cause: Cause
-    size: float
+    size: float | None
     left: str = ""
 
 
-def _part(exam: Examination, share: Share, worst: Drift) -> Part:
+def _part(exam: Examination, share: Share, worst: Drift) -> Part | None:
+    """None where the row law has time stepping lead, and a run without it shows that most comes from elsewhere."""
     whole = min(1.0, share.shares[share.leading])
+    fed = starving(exam.without, share.name, worst.largest)
+    if fed is not None:
+        with_enough = Solving.of(exam.model).enough
+        return Part(
+            CAUSE["solver"],
+            fed.part(share.name, worst.largest) or 0.0,
+            f"with {with_enough} {_left(fed, share)} is left",
+        )
     if share.leading != "stepping":
         return Part(CAUSE[share.leading], whole)
     measured = {one.cause: one for one in exam.without}
@@ -128,16 +139,18 @@ def _part(exam: Examination, share: Share, worst: Drift) -> Part:
         measured[name].part(share.name, worst.largest) if name in measured else None
         for name in ("stepping", "implicit")
     )
-    if implicit is not None and implicit >= _IMPLICIT * (whole if stepping is None else stepping):
+    if implicit is not None and implicit >= max(_IMPLICIT * (whole if stepping is None else stepping), MOST):
         return Part(IMPLICIT, implicit, f"without it {_left(measured['implicit'], share)} is left")
     lost = "implicit" in measured and implicit is None
     if lost and _implicit(exam, _place(exam, share)) >= _IMPLICIT:
-        return Part(IMPLICIT, whole, "without it the run diverges")
+        return Part(IMPLICIT, None, "how much of it is not known: without it the run diverges")
     if stepping is None:
         return Part(CAUSE["stepping"], whole)
     second = max((size, cause) for cause, size in share.shares.items() if cause != "stepping")
     if second[0] >= UNSURE and stepping < 1.0 - stepping:  # a shorter step leaves most of it: it is the other's
         return Part(CAUSE[second[1]], 1.0 - stepping)
+    if stepping < MOST:
+        return None
     return Part(
         CAUSE["stepping"], stepping, f"at a quarter of the timestep {_left(measured['stepping'], share)} is left"
     )
@@ -149,7 +162,11 @@ def _left(one: Without, share: Share) -> str:
 
 def _in_parts(share: Share, part: Part) -> str:
     """The parts in a sentence: together no more than the whole, and what opposes it by name only."""
+    if part.size is None:
+        return f"it is {part.cause.phrase} ({part.left})"
     said = [f"{percent(part.size)} of it is {part.cause.phrase}"]
+    if part.cause is CAUSE["solver"] and part.left:  # which the row law takes for time stepping
+        return f"{said[0]} ({part.left})"
     known = (part.cause, IMPLICIT if part.cause is CAUSE["stepping"] else CAUSE["stepping"])
     known = known if part.cause in (IMPLICIT, CAUSE["stepping"]) else (part.cause,)
     others = {cause: size for cause, size in share.shares.items() if CAUSE[cause] not in known and abs(size) >= UNSURE}
@@ -181,7 +198,8 @@ def _beyond_repair(exam: Examination) -> set[str]:
             found_ |= set(groups)
     if exam.dead_point is not None:  # torn: all that follows is the motion of another mechanism
         found_ |= set(exam.dead_point.equalities)
-    wrong = [one for lint in ("contradictory", "pin") for one in exam.remarks.get(lint, []) if one.severity is None]
+    lints = ("contradictory", "opposed", "pin")
+    wrong = [one for lint in lints for one in exam.remarks.get(lint, []) if one.severity is None]
     locked = {groups.get(name) for one in wrong for name in (one.element, *one.figures["also"])}
     return found_ | {name for name, group in groups.items() if group in locked}
 
@@ -245,18 +263,10 @@ def _implicit(exam: Examination, place: int) -> float:
 
 
 def lock(exam: Examination, one: Mobility) -> Severity | None:
-    """How bad a lock is; None: as the catalogue has it.
-
-    A note where it is meant, of a single joint or to a mocap body; a warning where its rows are far from redundant, so
-    that no small error made it.
-    """
+    """How bad a lock is; None: as the catalogue has it."""
     assert exam.pose is not None
-    if exam.pose.tilts:
-        return None
     own = [loop for loop in exam.pose.loops.loops if loop.name in one.equalities]
-    single = all(len(loop.path.joints) <= 1 for loop in own)
-    mocap = any(exam.model.body_mocapid[body] >= 0 for loop in own for body in loop.equality.bodies)
-    return "note" if single or mocap else "warning" if one.kept > MEANT else None
+    return how_bad(exam.model, own, exam.pose.tilts, one.kept)
 
 
 def _jammed(exam: Examination) -> bool:
@@ -321,12 +331,12 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         return
     if not recipe.reached:
         said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
-        yield found("T3", exam.file, said, element=after.row.equality, **figures)
+        yield found("T3", exam.file, said, element=after.equality.name, **figures)
         return
     whence = "" if before.start == recipe.authored.start else ", from a disturbed start"
     if exam.pose is not None and not exam.pose.consistent and not whence:
         whence = ", both from the closed start and not from the open one that is given (S1)"
-    parts = [f"no row off by more than {held(after)} in place of {held(before)}{whence}"]
+    parts = [f"no loop opens by more than {held(after)} in place of {held(before)}{whence}"]
     if recipe.authored.end.how == "finished" and np.isfinite(chosen.energy_error):
         parts.append(f"energy error {chosen.energy_error:.2g} J in place of {recipe.authored.energy_error:.2g} J")
     parts.append(f"at {_cost(chosen)}")

@@ -1,12 +1,33 @@
-"""What a finding costs: how far the loops stand open because of it."""
+"""What a finding costs: how far the loops stand open because of it.
+
+How a loop gives way (D1 to D5, E1) is what is left of its opening when the causes behind it are taken off: two bodies
+that collide push a soft loop open, and it is not its softness that has to be mended.
+"""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.verdict.findings import Finding
 
-_DRIFT = ("D1", "D2", "D3", "D4", "D5", "D6")
+_DRIFT = ("D1", "D2", "D3", "D4", "D5")
+
+_CAUSES = ("A1", "C4", "C5", "D6", "D8", "S3", "U4", "U5")
+"""What opens a loop whatever gives way; its part is measured, or it is all there is."""
+
+
+def priced(exam: Examination, findings: Iterable[Finding]) -> list[Finding]:
+    """The findings with their costs, in the order given."""
+    every = [replace(one, cost=cost(exam, one)) for one in findings]
+    causes = [one for one in every if one.code in _CAUSES and one.severity != "note"]
+    return [_less(one, causes) if one.code in _DRIFT else one for one in every]
+
+
+def _less(finding: Finding, causes: Sequence[Finding]) -> Finding:
+    """Without what causes behind it cost the same equality."""
+    behind = [one.cost for one in causes if finding.element in (one.element, *one.figures.get("also", ()))]
+    return replace(finding, cost=max(0.0, finding.cost - max(behind, default=0.0)))
 
 
 def cost(exam: Examination, finding: Finding) -> float:
@@ -30,6 +51,16 @@ def _drift(exam: Examination, finding: Finding) -> float:
     return whole * float(figures.get("part") or 1.0)
 
 
+def _solver(exam: Examination, finding: Finding) -> float:
+    """What an answer of the solver's own question saves; of a share of the row law, that share."""
+    if "drift_m" in finding.figures or "drift_rad" in finding.figures:
+        return _drift(exam, finding)
+    if finding.severity == "error":
+        return _blown(exam, finding)
+    before, after = finding.figures.get("drift_before"), finding.figures.get("drift")
+    return 0.0 if before is None or after is None else max(0.0, float(before) - float(after))
+
+
 def _collision(exam: Examination, finding: Finding) -> float:
     given, without = finding.figures.get("drift"), finding.figures.get("drift_without")
     if given is None or without is None:
@@ -51,8 +82,8 @@ def _figure(name: str) -> Callable[[Examination, Finding], float]:
     return lambda exam, finding: _turned(exam, finding, finding.figures.get(name))
 
 
-def _pace(exam: Examination, finding: Finding) -> float:
-    """What time stepping costs the equalities that are named."""
+def _whole(exam: Examination, finding: Finding) -> float:
+    """All that the equalities that are named open by."""
     named = {finding.element, *finding.figures.get("also", ())}
     every = [one for one in exam.drifts if one.level == "position" and one.equality in named]
     return max((metres(exam, one.metres, one.radians) for one in every), default=0.0)
@@ -62,13 +93,17 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     **dict.fromkeys(_DRIFT, _drift),
     "A1": _blown,
     "T2": _blown,
-    "D8": _pace,
+    "D6": _solver,
+    "D8": _whole,
+    "S3": _whole,
     "C2": _figure("given"),
     "C4": _collision,
+    "C5": _collision,
     "S1": _figure("opening"),
     "S2": _figure("gap"),
     "S4": _figure("left"),
     "S5": _figure("gap"),
+    "S7": _figure("opening"),
     "U4": _figure("torn"),
     "U5": _figure("apart"),
 }

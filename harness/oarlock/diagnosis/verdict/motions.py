@@ -1,11 +1,11 @@
 """From what a run does to findings: dead points, branches, steps that are too long, what lasts, starved solvers."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from oarlock.base.numbers import percent
 from oarlock.base.text import quoted
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examination import Examination, starved
 from oarlock.diagnosis.runs.drifts import VISIBLE
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.verdict.blame import held, in_words
@@ -16,7 +16,7 @@ from oarlock.diagnosis.verdict.findings import Finding, found
 def dead_point(exam: Examination) -> Iterator[Finding]:
     """U4: a joint that MuJoCo's run takes beyond what its loops admit."""
     one = exam.dead_point
-    if one is None:
+    if one is None or doubtful(exam, one.equalities):
         return
     turns = "" if one.turns_s is None else f" and turns back, as the exact motion does at t = {one.turns_s:.4g} s"
     said = (
@@ -39,15 +39,21 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
     )
 
 
+def doubtful(exam: Examination, equalities: Iterable[str]) -> bool:
+    """Whether the rank of their loops hangs on a small number (L8): what they then admit is an accident of the file."""
+    named = {name for one in exam.remarks.get("doubtful", []) for name in (one.element, *one.figures.get("also", ()))}
+    return not named.isdisjoint(equalities)
+
+
 def _coordinate(value: float, unit: str) -> str:
     return f"{value:.4g} {unit}" + (f" ({math.degrees(value):.1f}°)" if unit == "rad" else "")
 
 
 def branch(exam: Examination) -> Iterator[Finding]:
     """U5: MuJoCo's run ends on another assembly branch than the exact one."""
-    one = exam.branch
-    if one is None:
-        return
+    one, recording = exam.branch, exam.recording
+    if one is None or recording is None or recording.end.how == "diverged" or starved(exam):
+        return  # the motion of a run that blows up, or of forces that nobody solved for, is on no branch
     said = (
         f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one; "
         f"at the end of the run they are {one.apart:.3g} {one.unit} apart at joint {quoted(one.joint)}"
@@ -101,10 +107,13 @@ def lasting(exam: Examination) -> Iterator[Finding]:
         yield found("S4", exam.file, said, element=one.equality, severity=severity, **figures)
 
 
-def starved(exam: Examination) -> Iterator[Finding]:
+def unfed(exam: Examination) -> Iterator[Finding]:
     """D6: a solver that is not enough for stiff equalities, with what one that is makes of the same run."""
     one = exam.recipe.starved if exam.recipe is not None else None
-    if one is None:
+    if exam.recording is not None and exam.recording.end.how == "diverged":
+        yield from _lasts_fed(exam)
+        return
+    if one is None or starved(exam):  # which D6 says already, of the run as it is
         return
     given = Solving.of(exam.model)
     fed = one.fed.setting.solving
@@ -114,3 +123,17 @@ def starved(exam: Examination) -> Iterator[Finding]:
     )
     drift = one.given.drift if math.isfinite(one.given.drift) else None
     yield found("D6", exam.file, said, iterations=given.iterations, drift_before=drift, drift=one.fed.drift)
+
+
+def _lasts_fed(exam: Examination) -> Iterator[Finding]:
+    """D6 of a run that diverges, and does not with a solver that is enough."""
+    given = Solving.of(exam.model)
+    for one in exam.without:
+        if one.cause == "solver" and one.left:
+            worst = max(one.left.values(), key=lambda opening: opening.largest)
+            said = (
+                f"{given} is too little: the run diverges, and with {given.enough} it stays finite, and "
+                f"{quoted(worst.equality)} opens by {worst} at most"
+            )
+            figures = {"iterations": given.iterations, "drift_before": None, "drift": worst.largest}
+            yield found("D6", exam.file, said, element=worst.equality, severity="error", **figures)

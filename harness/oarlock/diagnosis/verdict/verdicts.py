@@ -5,29 +5,25 @@ a run shows, in ``blame``.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from oarlock.base.errors import few
-from oarlock.base.numbers import percent
+from oarlock.base.numbers import figure, percent
 from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.lint import locked, opened
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
-from oarlock.diagnosis.verdict.cost import cost
+from oarlock.diagnosis.verdict.cost import priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.names import element_name
-from oarlock.stepping.closing import CONSISTENT
-
-ROUNDED = 1e-5
-"""m or rad, and per s: what six digits of a file leave open in a mechanism of some metres. No user's mistake."""
 
 _PAIRS = 3
 """So many pairs of rows that say the same are named."""
@@ -55,7 +51,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         _run,
         motions.pace,
         blame.drift,
-        motions.starved,
+        motions.unfed,
         blame.energy,
         blame.remedy,
         _motion,
@@ -65,13 +61,13 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
     findings = [finding for part in parts for finding in merged(_unsaid(examination, part(examination)))]
     if fail_above is not None:
         findings += blame.above(examination, fail_above)
-    return worst_first(replace(one, cost=cost(examination, one)) for one in findings)
+    return worst_first(priced(examination, findings))
 
 
 # What is seen without a run.
 
-_SAID = {"L9": "S3", "L10": "S3", "L12": "L3"}
-"""Code of a remark → that of a finding which says the same of its equality, only less of it."""
+_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4",), "S7": ("S3", "S4")}
+"""Code of a remark → those of findings which say the same of its equality, only less of it, or what comes of it."""
 
 
 def _lint(exam: Examination) -> Iterator[Finding]:
@@ -83,10 +79,10 @@ def _lint(exam: Examination) -> Iterator[Finding]:
 def _unsaid(exam: Examination, findings: Iterable[Finding]) -> Iterator[Finding]:
     """Findings but those of which a lint said the cause."""
     said = {
-        (_SAID[one.code], name)
+        (code, name)
         for remarks in exam.remarks.values()
         for one in remarks
-        if one.code in _SAID
+        for code in _SAID.get(one.code, ())
         for name in (one.element, *one.figures.get("also", ()))
     }
     for one in findings:
@@ -181,35 +177,23 @@ def _start(exam: Examination) -> Iterator[Finding]:
         return
     for one in pose.mobility:
         if one.locked:
-            frees = [f"it would move without {' or '.join(quoted(name) for name in one.frees)}"] if one.frees else []
-            said = "; ".join(["closed, and nothing of its loop can move", *tilts, *frees])
+            said = locked.sentence(pose.tilts, one.equalities, one.frees)
             severity = blame.lock(exam, one)
-            yield found("S3", file, said, element=one.equalities[0], severity=severity, dof=one.dof, kept=one.kept)
+            figures = {"also": list(one.equalities[1:]), "dof": one.dof, "kept": one.kept}
+            yield found("S3", file, said, element=one.equalities[0], severity=severity, **figures)
     if not pose.consistent:
         yield _inconsistent(exam, pose)
 
 
 def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
-    worst = max(pose.openings, key=lambda one: one.largest)
-    fastest = max(pose.speeds, key=lambda one: one.largest)
-    element, said = fastest.equality, []
-    if worst.largest > CONSISTENT:
-        element = worst.equality
-        said = [f"stands open by {worst} at the start"]
-        if pose.moved_joint:
-            by = f"{pose.moved:.3g}{_unit(exam, pose)}"
-            said.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {by}")
-        if pose.outside:
-            said.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
-    if fastest.largest > CONSISTENT:
-        whose = "" if fastest.equality == element else f"{quoted(fastest.equality)} "
-        said.append(f"{whose}comes apart at {fastest.told('/s')} at the start")
-    size = max(worst.largest, fastest.largest)
-    if size <= ROUNDED:
-        said.append("as a file of six digits leaves it")
-    figures = {"opening": worst.largest, "speed": fastest.largest, "moved": pose.moved}
-    severity: Severity | None = "note" if size <= ROUNDED else None
-    return found("S1", exam.file, "; ".join(said), element=element, severity=severity, **figures)
+    more = []
+    if pose.moved_joint:
+        more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g}{_unit(exam, pose)}")
+    if pose.outside:
+        more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
+    one = opened.of(pose.openings, pose.speeds, more)
+    figures = {**one.figures, "moved": pose.moved}
+    return found("S1", exam.file, one.line, element=one.element, severity=one.severity, **figures)
 
 
 def _unit(exam: Examination, pose: ClosedPose) -> str:
@@ -261,7 +245,7 @@ def _run(exam: Examination) -> Iterator[Finding]:
     if recording.pushes:
         first = min(push.first_s for push in recording.pushes)
         last = max(push.last_s for push in recording.pushes)
-        said = _pushes(recording.pushes)
+        said = f"in MuJoCo's run {_pushes(recording.pushes)}"
         if exam.model.opt.noslip_iterations:
             said += "; noslip changes MuJoCo's forces after its solver, and not those of the exact solution"
         yield found("R2", exam.file, said, first_s=first, last_s=last)
@@ -274,7 +258,7 @@ def _pushes(pushes: tuple[Push, ...]) -> str:
     for kind in ("limit", "friction", "contact"):
         own = sorted((push for push in pushes if push.kind == kind), key=lambda push: -push.largest)
         if own:
-            unit = "N" if kind == "contact" else "N or N m"
+            unit = own[0].unit
             more = f" and {len(own) - 1} more" if len(own) > 1 else ""
             first = min(push.first_s for push in own)
             said.append(f"{own[0].name}{more} from t = {first:.4g} s, up to {own[0].largest:.4g} {unit}")
@@ -287,10 +271,11 @@ def _fights(exam: Examination) -> Iterator[Finding]:
         fight = exam.fight
         said = (
             f"{few(list(fight.others), last='')} push{'es' if len(fight.others) == 1 else ''} against "
-            f"{in_words(list(fight.equalities))} alone, since t = {fight.first_s:.4g} s, with up to "
-            f"{fight.largest:.4g} N or N m"
+            f"{in_words(list(fight.equalities))} alone in the exact run, since t = {fight.first_s:.4g} s, with up to "
+            f"{fight.largest:.4g} {fight.unit}"
         )
         yield found("C1", exam.file, said, first_s=fight.first_s, largest=fight.largest)
+    yield from _stopped(exam)
     for lag in exam.lags:
         joints = in_words(list(lag.joints))
         said = (
@@ -299,8 +284,36 @@ def _fights(exam: Examination) -> Iterator[Finding]:
         )
         yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
     if exam.stops is not None:
-        said = f"{few(list(exam.stops.limits), last='')} leave none of {exam.stops.dof} degrees of freedom"
+        whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
+        said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole}"
         yield found("C3", exam.file, said, dof=exam.stops.dof)
+
+
+def _stopped(exam: Examination) -> Iterator[Finding]:
+    """C5: a limit that stops a joint short of where an equality wants it, and that does not contradict it (C1)."""
+    fight = exam.fight
+    for one in exam.stopped:
+        name = f"limit of joint {quoted(one.joint)}"
+        if fight is not None and name in fight.others and one.equality in fight.equalities:
+            continue
+        given, without = (figure(value, one.drift_unit) for value in (one.drift, one.drift_without))
+        said = (
+            f"the limit of joint {quoted(one.joint)} ({one.limit:.4g} {one.unit}) stops it where "
+            f"{quoted(one.equality)} wants up to {one.wanted:.4g} {one.unit}: it opens by {given}, by {without} "
+            "without that limit"
+        )
+        yield found(
+            "C5",
+            exam.file,
+            said,
+            element=one.equality,
+            joint=one.joint,
+            limit=one.limit,
+            wanted=one.wanted,
+            drift=one.drift,
+            drift_without=one.drift_without,
+            unit=one.drift_unit,
+        )
 
 
 # Forces.
@@ -331,7 +344,8 @@ def _motion(exam: Examination) -> Iterator[Finding]:
     singular = [event for event in exam.history.events if event.kind == "singular"]
     for event in singular[:1]:
         more = {0: "", 1: " and once more"}.get(len(singular) - 1, f" and {len(singular) - 1} more times")
-        said = f"{in_words(list(event.equalities))}: rank {exam.history.rank} falls to {event.rank}"
+        others = f"with {in_words(list(event.equalities[1:]))}, " if event.equalities[1:] else ""
+        said = f"{others}rank {exam.history.rank} falls to {event.rank}"
         said += f" at t = {event.time_s:.6g} s{more}"
         times = ", ".join(f"{one.time_s:.10g}" for one in singular)
         yield found("L5", exam.file, said, element=event.equalities[0], also=list(event.equalities[1:]), times_s=times)

@@ -2,12 +2,15 @@
 
 import numpy as np
 
+from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
-from oarlock.diagnosis.examination import Examination
+from oarlock.base.text import quoted
+from oarlock.diagnosis.examination import Examination, starved
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import SINE_NOTE, why_not
 from oarlock.diagnosis.page.document import accelerations_table
 from oarlock.diagnosis.runs.row_law import Share
+from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.versions import OLDER, without_curvature
 from oarlock.diagnosis.verdict.causes import CAUSE
 
@@ -28,6 +31,13 @@ def causes(exam: Examination) -> Chapter:
         f"'{worst.label}' is off by {_amount(exam, worst)} at t = {worst.time_s:.6g} s, by the row law mostly for "
         f"{CAUSE[worst.leading].phrase}."
     )
+    starving = sorted(starved(exam))
+    if starving:
+        chapter.say(
+            f"With {Solving.of(exam.model).enough} most of it is gone of {few([quoted(name) for name in starving])}: "
+            "MuJoCo's solver stops early, and its motion and its forces are then apart, which the row law takes for "
+            "time stepping."
+        )
     chapter.explain(
         "Every row is a damped oscillator that its own force drives: r̈ + B ṙ + K d r = −R f + m − ε. Its deviation r "
         "is the sum of the parts below, with sign; parts may exceed it and oppose one another. Softness: −R f with the "

@@ -72,7 +72,7 @@ def _pushes(exam: Examination, chapter: Chapter) -> None:
     rows = []
     for push in exam.recording.pushes:
         held = percent(push.stuck / push.steps) if push.kind == "friction" else NOTHING
-        force = figure(push.largest, "N" if push.kind == "contact" else "N or N m")
+        force = figure(push.largest, push.unit)
         acts = percent(push.steps / exam.recording.steps)
         rows.append((push.name, f"{push.first_s:.6g}", f"{push.last_s:.6g}", acts, held, force))
     columns = ("of", "from (s)", "to (s)", "of the steps", "held", "largest force")

@@ -6,7 +6,7 @@ from oarlock.base.numbers import NOTHING, figure
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.options import TARGET
 from oarlock.diagnosis.page.blocks import Chapter
-from oarlock.diagnosis.page.chapters.words import SINE_NOTE, counted, spelt, why_not
+from oarlock.diagnosis.page.chapters.words import counted, spelt, why_not
 from oarlock.diagnosis.runs.recipe import Recipe
 from oarlock.diagnosis.runs.trials import Trial
 
@@ -37,19 +37,17 @@ def remedy(exam: Examination) -> Chapter:
         )
         chapter.code(recipe.conserving.setting.mjcf)
     chapter.explain(
-        "Every run that was made. Drift: the largest deviation of any row. Cost: evaluations of the model relative to "
+        "Every run that was made. Drift: the largest gap of any equality. Cost: evaluations of the model relative to "
         "the run as authored, one a step and four under Runge–Kutta."
     )
     settings = ("timestep (s)", "integrator", "solref", "solimp")
     chapter.table(
         "trials",
-        ("run", "start", *settings, "drift", "expected", "row", "energy error (J)", "cost"),
+        ("run", "start", *settings, "drift", "expected", "equality", "energy error (J)", "cost"),
         [_trial(trial, chosen=trial == recipe.chosen) for trial in recipe.trials],
         words=3,
-        short=("run", "start", "row", "timestep (s)", "drift", "energy error (J)", "cost"),
+        short=("run", "start", "equality", "timestep (s)", "drift", "energy error (J)", "cost"),
     )
-    if any(trial.row.turns for trial in recipe.trials):
-        chapter.explain(SINE_NOTE)
     _settings(exam, chapter)
     return chapter
 
@@ -72,7 +70,7 @@ def _outcome(exam: Examination, recipe: Recipe) -> str:
 def _drifted(trial: Trial) -> str:
     if not np.isfinite(trial.drift):
         return "everything, for it diverges"
-    return f"{figure(trial.drift)} {trial.row.measure}"
+    return f"{figure(trial.drift)} {trial.unit}"
 
 
 def _trial(trial: Trial, *, chosen: bool) -> tuple[str, ...]:
@@ -91,7 +89,7 @@ def _trial(trial: Trial, *, chosen: bool) -> tuple[str, ...]:
         written(setting.solimp),
         _drifted(trial) if finite else f"diverged: {trial.end.message}",
         figure(trial.predicted),
-        str(trial.row),
+        trial.equality.name,
         figure(trial.energy_error) if np.isfinite(trial.energy_error) else NOTHING,
         f"× {figure(trial.cost)}" if trial.cost is not None else NOTHING,
     )

@@ -1,0 +1,66 @@
+"""S3, as far as the rows of a closed pose tell: loops whose rows leave no motion there."""
+
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+import mujoco
+
+from oarlock.base.errors import few
+from oarlock.base.text import quoted
+from oarlock.diagnosis.lint.view import Remark, View
+from oarlock.diagnosis.loops.loops import Loop
+from oarlock.diagnosis.loops.mobility import Tilt
+
+MEANT = 0.05
+"""Smallest singular value of a group that is locked, of the largest: above it no small error locked it."""
+
+
+def look(view: View) -> Iterator[Remark]:
+    """A remark a group, where no closed pose was looked for: a check finds those too that only snap back."""
+    if not view.equalities or view.posed or not view.loops.closed:
+        return
+    for number, group in enumerate(view.loops.groups):
+        if group.dof or not group.dofs:
+            continue
+        own = [view.loops.loops[member] for member in view.loops.members(number)]
+        tilts = view.tilts({*group.equalities})
+        frees = [loop.name for loop in own if loop.freed]
+        figures = {"dof": 0, "kept": group.spectrum.kept}
+        severity = how_bad(view.model, own, tilts, group.spectrum.kept)
+        yield Remark("S3", sentence(tilts, group.equalities, frees), group.equalities[0], severity, figures)
+
+
+def sentence(tilts: Sequence[Tilt], equalities: Sequence[str], frees: Sequence[str]) -> str:
+    """What is said of a group that is locked.
+
+    Args:
+        tilts: joints whose axes are off.
+        equalities: of the group.
+        frees: those without which it would move, one at a time.
+    """
+    axes = [f"the axis of {quoted(one.joint)} is tilted by {one.radians:.3g} rad" for one in tilts]
+    return "; ".join(["closed, and nothing of its loop can move", *axes, *without(equalities, frees)])
+
+
+def without(equalities: Sequence[str], frees: Sequence[str]) -> list[str]:
+    """What of a locked group would have to go, as a part of a sentence, or nothing."""
+    if not frees:
+        return ["leaving out one of its equalities does not free it"] if len(equalities) > 1 else []
+    names = few([quoted(name) for name in frees], last="or")
+    both = f"{few([quoted(name) for name in frees])} contradict each other: " if len(frees) == 2 else ""
+    return [f"{both}it would move without {names}"]
+
+
+def how_bad(
+    model: mujoco.MjModel, own: Sequence[Loop], tilts: Sequence[Tilt], kept: float
+) -> Literal["warning", "note"] | None:
+    """How bad a lock is; None: as the catalogue has it.
+
+    A note where it is meant, of a single joint or to a mocap body; a warning where its rows are far from redundant, so
+    that no small error made it.
+    """
+    if tilts:
+        return None
+    single = all(len(loop.path.joints) <= 1 for loop in own)
+    mocap = any(model.body_mocapid[body] >= 0 for loop in own for body in loop.equality.bodies)
+    return "note" if single or mocap else "warning" if kept > MEANT else None
