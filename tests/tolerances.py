@@ -264,3 +264,8 @@ BODY_FORCE = 1e-7
 HALF_OF_A_STEP = 1e-3
 """m or rad. A log goes straight between its rows, 2 ms apart: h²/8 of 4 m/s² is 2e-6, and its velocities are half a
 step late, which moves what hangs freely below the tray."""
+
+# Nearest poses.
+
+NEAREST_POSE = 1e-9
+"""rad or m. One minimum, closed again to 1e-12 by steps in the metric of M."""

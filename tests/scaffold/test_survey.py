@@ -1,12 +1,14 @@
-"""What a new case says of laws that are no actuators'."""
+"""What a new case says of its start, and of laws that are no actuators'."""
 
 import mujoco
 import numpy as np
-from mechanisms import write_model
+import pytest
+from mechanisms import four_bar, write_model
 from oarlock.cases.case_file import Drive
 from oarlock.cases.motion import Motion
+from oarlock.diagnosis.loops.poses import nearest_closed
 from oarlock.scaffold.survey import survey
-from tolerances import CLOSED
+from tolerances import CLOSED, NEAREST_POSE
 
 SWING = """
 <mujoco>
@@ -34,3 +36,18 @@ def test_laws_that_move_and_switch_have_tables_of_their_own(tmp_path):
     mujoco.mj_fwdPosition(model, data)
     assert np.abs(data.efc_pos).max() <= CLOSED
     assert found.written.qpos["bob"][0] == found.start.qpos[0]
+
+
+@pytest.mark.parametrize("angles", [(0.632, 1.066, -1.532), (0.113, -0.314, -0.248), (1.225, -1.533, 0.251)])
+def test_a_start_is_closed_where_check_closes_it(tmp_path, angles):
+    """The driven crank stays, and the rocker keeps its range: steps in the metric of M would not see to that."""
+    keyframe = " ".join(map(str, angles))
+    driven = f'<actuator><motor joint="crank"/></actuator><keyframe><key name="start" qpos="{keyframe}"/></keyframe>'
+    path = write_model(tmp_path, four_bar(rocker='limited="true" range="-0.6 0.25"', rest=driven))
+    found = survey("bar", path, ignoring=False, asked=Motion(controls="constant"))
+    pose = nearest_closed(mujoco.MjModel.from_xml_path(str(path)), np.array(angles), hold=None)
+    assert found.start.qpos[0] == pytest.approx(angles[0], abs=CLOSED)
+    assert found.start.qpos[2] <= 0.25 + CLOSED
+    np.testing.assert_allclose(found.start.qpos, pose.qpos, atol=NEAREST_POSE)
+    assert found.start.moved == pytest.approx(pose.moved, abs=NEAREST_POSE)
+    assert found.written.qpos["rocker"] == found.start.qpos[2]
