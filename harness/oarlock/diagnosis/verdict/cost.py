@@ -113,7 +113,6 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "S2": _figure("gap"),
     "S4": _figure("left"),
     "S5": _figure("gap"),
-    "S7": _figure("opening"),
     "U4": _figure("torn"),
     "U5": _figure("apart"),
 }
