@@ -153,6 +153,14 @@ def test_a_quaternion_in_the_other_order():
     assert "S7" not in {one.code for one in of_text(mended)}
 
 
+def test_a_turn_that_a_keyframe_has_is_meant():
+    """The hand stands half a turn away from how it is drawn, as the weld wants it."""
+    text = text_of("turned_weld.xml").replace(' euler="0 0 50"', "").replace(GRASP, 'relpose="0 0 0 0 0 0 1"')
+    assert only(of_text(text), "S7").figures["opening"] == pytest.approx(np.pi)
+    turned = text.replace("</mujoco>", '<keyframe><key name="k" qpos="0 0 0 3.14159265"/></keyframe></mujoco>')
+    assert "S7" not in {one.code for one in of_text(turned, 0)}
+
+
 @pytest.mark.parametrize(
     "relpose",
     [

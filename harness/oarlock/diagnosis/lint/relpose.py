@@ -21,7 +21,7 @@ FITS = 0.02
 
 
 def look(view: View) -> Iterator[Remark]:
-    """A remark a weld that the other order closes, in the model's own pose or at the start, and its own does not."""
+    """A remark a weld that the other order closes, in the model's own pose or at the start, and its own in neither."""
     welds = [one for one in view.equalities if one.kind.turns and one.sites is None]
     if not welds:
         return
@@ -30,11 +30,11 @@ def look(view: View) -> Iterator[Remark]:
     for one in welds:
         given = model.eq_data[one.index, 6:10].copy()
         other = np.roll(given, 1)  # x y z w, taken for w x y z, has w last
-        for where, data in (("is drawn", own), ("stands at the start", view.data)):
-            off = turned(data, one, given)
-            if off > OFF and turned(data, one, other) < FITS:
-                yield _remark(view, one, given, other, off, where)
-                break
+        poses = {"is drawn": own, "stands at the start": view.data}
+        off = {where: turned(data, one, given) for where, data in poses.items()}
+        fits = [where for where, data in poses.items() if turned(data, one, other) < FITS]
+        if fits and min(off.values()) > OFF:
+            yield _remark(view, one, given, other, off[fits[0]], fits[0])
 
 
 def turned(data: mujoco.MjData, one: Equality, relative: np.ndarray) -> float:
@@ -50,7 +50,7 @@ def _remark(view: View, one: Equality, given: np.ndarray, other: np.ndarray, off
         f"relpose turns {second} by {told(off)} rad ({np.degrees(off):.3g}°) from how it {where} beside {first}: "
         f'MuJoCo\'s quaternions are w x y z; with "{_written(other)}" in place of "{_written(given)}" it fits'
     )
-    return Remark("S7", said, one.name, figures={"opening": off, "unit": "rad", "wanted": other.tolist()})
+    return Remark("S7", said, one.name, figures={"opening": off, "wanted": other.tolist()})
 
 
 def _written(quaternion: np.ndarray) -> str:

@@ -285,7 +285,7 @@ def _fights(exam: Examination) -> Iterator[Finding]:
         yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
     if exam.stops is not None:
         whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
-        said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole}"
+        said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole} left"
         yield found("C3", exam.file, said, dof=exam.stops.dof)
 
 
