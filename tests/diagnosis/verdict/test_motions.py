@@ -192,38 +192,72 @@ def test_a_load_tilts_what_a_mocap_body_carries_for_good():
     assert found["S1"].severity == "warning"
 
 
-def test_a_coupling_that_stays_off_is_helped_by_its_offset(tmp_path):
-    """Two levers geared 1:1; the second carries a weight. With the offset it is where the gear is meant to hold it."""
+LEVERS = """
+<mujoco>
+  <option timestep="0.002"/>
+  <default>
+    <joint axis="0 1 0" damping="0.05"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
+  </default>
+  <worldbody>
+    <body><joint name="hand" stiffness="40"/><geom fromto="0 0 0 0.2 0 0" mass="0.1"/></body>
+    <body pos="0 0.2 0"><joint name="arm"/><geom fromto="0 0 0 0.3 0 0" mass="0.1"/>
+      <geom type="sphere" size="0.03" pos="0.3 0 0" mass="3"/></body>
+  </worldbody>
+  <equality><joint name="gear" joint1="arm" joint2="hand"/></equality>
+  <keyframe><key qpos="0 -0.3"/></keyframe>
+</mujoco>
+"""
+
+
+def test_a_coupling_that_sags_is_no_matter_of_its_offset(tmp_path):
+    """Two levers geared 1:1; the second carries a weight. An offset against that would be wrong with another weight."""
     file = tmp_path / "levers.xml"
-    file.write_text(
-        """
-        <mujoco>
-          <option timestep="0.002"/>
-          <default>
-            <joint axis="0 1 0" damping="0.05"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
-          </default>
-          <worldbody>
-            <body><joint name="hand" stiffness="40"/><geom fromto="0 0 0 0.2 0 0" mass="0.1"/></body>
-            <body pos="0 0.2 0"><joint name="arm"/><geom fromto="0 0 0 0.3 0 0" mass="0.1"/>
-              <geom type="sphere" size="0.03" pos="0.3 0 0" mass="3"/></body>
-          </worldbody>
-          <equality><joint name="gear" joint1="arm" joint2="hand"/></equality>
-          <keyframe><key qpos="0 -0.3"/></keyframe>
-        </mujoco>
-        """
-    )
+    file.write_text(LEVERS)
     one = findings(file, budget=0)["S4"]
-    coefficients = [float(number) for number in one.figures["value"].split()]
+    poses = plain(file)[1]
+    assert one.figures["left"] == pytest.approx(abs(float(np.median(poses[-250:, 1] - poses[-250:, 0]))), rel=1e-3)
+    assert "polycoef" not in one.line
 
-    def offset(model):
-        model.eq_data[0, :5] = coefficients
 
-    def lasting(change) -> float:
-        poses = plain(file, change)[1]
-        return float(np.median(poses[-250:, 1] - poses[-250:, 0]))
+TURRET = """
+<mujoco>
+  <compiler autolimits="true"/>
+  <option timestep="0.002"/>
+  <default>
+    <joint axis="0 0 1" damping="0.1" armature="0.01"/>
+    <geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
+  </default>
+  <worldbody>
+    <body><joint name="lead" range="-80 80"/><geom fromto="0 0 0 0.2 0 0"/></body>
+    <body pos="0 0.3 0"><joint name="turret" range="-60 60"/><geom fromto="0 0 0 0.2 0 0"/></body>
+  </worldbody>
+  <equality><joint name="gear" joint1="turret" joint2="lead" polycoef="OFFSET 0.5 0 0 0"/></equality>
+  <actuator><position joint="lead" kp="2" kv="0.1"/></actuator>
+  <keyframe><key qpos="0.2 0.536332" ctrl="0.1"/></keyframe>
+</mujoco>
+"""
 
-    assert one.figures["left"] == pytest.approx(abs(lasting(None)), rel=1e-3)
-    assert abs(lasting(offset)) < 0.1 * abs(lasting(None))
+
+@pytest.mark.parametrize(("offset", "degrees"), [(25.0, True), (7.0, False)])
+def test_an_offset_that_opens_the_start_is_set_to_what_closes_it(tmp_path, offset, degrees):
+    """The turret is drawn 25 degrees beside its leader; what holds it off are the ranges."""
+    file = tmp_path / "turret.xml"
+    file.write_text(TURRET.replace("OFFSET", str(offset)))
+    found = findings(file, budget=0)
+    one = found["S4"]
+    wanted = [float(number) for number in one.figures["value"].split()]
+    assert wanted == pytest.approx([math.radians(25.0), 0.5, 0.0, 0.0, 0.0], abs=1e-6)
+    assert ("and was meant as degrees" in one.line) is degrees
+
+    def mended(model):
+        model.eq_data[0, :5] = wanted
+
+    rows = plain(file, mended)[2]
+    assert abs(rows[0, 0]) < 1e-5  # six digits of a file
+    assert one.figures["after"] == pytest.approx(float(np.median(np.abs(rows[-250:]))), abs=1e-9)
+    assert "C3" not in found
+    assert found["S1"].severity == "note"
+    assert next(iter(found)) == "S4"
 
 
 def test_an_open_start_that_fades_is_only_that(tmp_path):

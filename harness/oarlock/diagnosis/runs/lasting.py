@@ -1,6 +1,7 @@
 """What stays open for good behind an open start: the deviation that is left when the start's own has faded."""
 
 import copy
+import math
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -23,8 +24,8 @@ FADED = 0.1
 TORQUESCALE = 5.0
 """Times the torquescale of a weld: tried where its angle is what stays open."""
 
-OFFSETS = 2
-"""So often the offset of a coupling is set anew: what it holds moves with it, and with that the load."""
+DEGREES = 1e-5
+"""rad. An offset that is so near to the one wanted when it is read as degrees was meant as such."""
 
 HELPS = 0.5
 """Of a lasting deviation: a change that leaves less is a remedy."""
@@ -42,7 +43,8 @@ class Lasting:
         left: how far it stays open, as a median over the last part of the run.
         cause: the largest part of that, of ``CAUSES``; share: its part.
         attribute: of the equality in MJCF, and value, that was tried out; empty if none was, or none helped.
-        after: how far it then stays open; of an offset, from what the equality was meant to hold.
+        after: how far it then stays open.
+        degrees: the offset as it is, where it would close the start if it were degrees.
     """
 
     equality: str
@@ -52,6 +54,7 @@ class Lasting:
     attribute: str = ""
     value: str = ""
     after: Opening | None = None
+    degrees: float | None = None
 
 
 def find_lasting(
@@ -85,33 +88,37 @@ def find_lasting(
         shares[start] = -np.inf
         leading = int(shares.argmax())
         one = Lasting(equality.name, left, CAUSES[leading], min(1.0, float(shares[leading])))
-        found.append(_tried(one, attribution, equality, median))
+        found.append(_tried(one, recording, equality, median, recording.position[0, rows]))
     return found
 
 
 def _tried(
     one: Lasting,
-    attribution: Attribution,
+    recording: Recording,
     equality: Equality,
     median: np.ndarray,
+    start: np.ndarray,
 ) -> Lasting:
-    """With the attribute that takes most of it away, if there is one: it is tried."""
-    recording = attribution.recording
+    """With the attribute that takes most of it away, if there is one: it is tried.
+
+    An offset is the one that closes the start as it is given. What stays open by much less than the start is what a
+    load takes, and an offset against that would hold under this load alone.
+    """
     model = copy.deepcopy(recording.model)
     data = model.eq_data[equality.index]
-    last: np.ndarray | None = None
+    last, degrees = None, None
     if equality.kind.turns and (one.left.radians or 0.0) >= (one.left.metres or 0.0):
         data[_TORQUESCALE] *= TORQUESCALE
         attribute, value = "torquescale", f"{data[_TORQUESCALE]:g}"
         last = _rerun(model, recording, equality)
     elif not equality.kind.joins_points:
-        given, off = float(data[_OFFSET]), median
-        for _ in range(OFFSETS):
-            data[_OFFSET] -= off[0]
-            again = _rerun(model, recording, equality)
-            if again is None:
-                return one
-            last = off = again + (data[_OFFSET] - given)
+        if np.abs(median[0]) < FADED * np.abs(start[0]):
+            return one
+        given = float(data[_OFFSET])
+        data[_OFFSET] = given + start[0]
+        if equality.unit == "rad" and given and abs(math.radians(given) - data[_OFFSET]) <= DEGREES:
+            data[_OFFSET], degrees = math.radians(given), given
+        last = _rerun(model, recording, equality)
         attribute, value = "polycoef", " ".join(f"{number:.6g}" for number in data[:5])
     else:
         return one
@@ -120,7 +127,7 @@ def _tried(
     after = opening(model, equality, last)
     if not after.largest < HELPS * one.left.largest:
         return one
-    return replace(one, attribute=attribute, value=value, after=after)
+    return replace(one, attribute=attribute, value=value, after=after, degrees=degrees)
 
 
 def _rerun(

@@ -98,12 +98,20 @@ def lasting(exam: Examination) -> Iterator[Finding]:
     for one in exam.lasting:
         said = f"stays open by {one.left} when the start has faded; {percent(one.share)} of it is "
         said += CAUSE[one.cause].phrase
+        if one.degrees is not None:
+            said += f"; polycoef[0] = {one.degrees:g} is read as radians, and was meant as degrees"
         if one.attribute:
             said += f'; with {one.attribute}="{one.value}" it is {one.after}'
-            said += " from what it is meant to hold" if one.attribute == "polycoef" else ""
+            said += ", and the start is closed as it is given" if one.attribute == "polycoef" else ""
         severity = None if one.left.largest > VISIBLE else "note"
         after = one.after.largest if one.after is not None else None
-        figures = {"left": one.left.largest, "share": one.share, "after": after, "value": one.value}
+        figures = {
+            "left": one.left.largest,
+            "share": one.share,
+            "after": after,
+            "value": one.value,
+            "degrees": one.degrees,
+        }
         yield found("S4", exam.file, said, element=one.equality, severity=severity, **figures)
 
 

@@ -193,7 +193,13 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
     one = opened.of(pose.openings, pose.speeds, more)
     figures = {**one.figures, "moved": pose.moved}
-    return found("S1", exam.file, one.line, element=one.element, severity=one.severity, **figures)
+    severity = "note" if one.element in _offsets(exam) else one.severity
+    return found("S1", exam.file, one.line, element=one.element, severity=severity, **figures)
+
+
+def _offsets(exam: Examination) -> set[str]:
+    """Couplings whose offset is what opens the start, so that it is the coupling that has to be mended (S4)."""
+    return {one.equality for one in exam.lasting if one.attribute == "polycoef"}
 
 
 def _unit(exam: Examination, pose: ClosedPose) -> str:
@@ -283,7 +289,7 @@ def _fights(exam: Examination) -> Iterator[Finding]:
             f"holds in {percent(lag.stuck)} of the steps"
         )
         yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
-    if exam.stops is not None:
+    if exam.stops is not None and not _offsets(exam):  # with such an offset the closed start is another one
         whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
         said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole}"
         yield found("C3", exam.file, said, dof=exam.stops.dof)
