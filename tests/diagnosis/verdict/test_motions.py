@@ -156,6 +156,37 @@ def test_a_fast_crank_turns_too_far_within_a_step(tmp_path):
     assert "D8" not in findings(slow, budget=0)
 
 
+SPUN = """
+<mujoco>
+  <option timestep="0.001" gravity="0 0 0"/>
+  <default><joint axis="0 1 0" damping="0.02"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body><joint name="crank"/><geom fromto="0 0 0 0 0 0.1"/>
+      <body name="rod" pos="0 0 0.1"><joint name="wrist"/><geom fromto="0 0 0 0.4 0 0.1"/></body></body>
+    <body name="rocker" pos="0.4 0 0"><joint name="rocker"/><geom fromto="0 0 0 0 0 0.2"/></body>
+    <body pos="0 1 0"><joint name="other"/><geom fromto="0 0 0 0 0 9" mass="9"/></body>
+  </worldbody>
+  <equality><connect name="pin" body1="rod" body2="rocker" anchor="0.4 0 0.1"/></equality>
+  <actuator>
+    <motor name="weak" joint="rocker" gear="0.01"/>
+    <motor name="spin" joint="crank" gear="GEAR"/>
+    <motor name="elsewhere" joint="other" gear="500"/>
+  </actuator>
+  <keyframe><key ctrl="0.5 -0.5 0.5"/></keyframe>
+</mujoco>
+"""
+
+
+def test_what_spins_a_loop_is_named_with_its_torque(tmp_path):
+    file = tmp_path / "spun.xml"
+    file.write_text(SPUN.replace("GEAR", "8"))
+    one = findings(file, budget=0)["D8"]
+    assert one.line.endswith("; motor 'spin' gives up to 4 N m")
+    assert one.figures["force"] == pytest.approx(4.0)
+    file.write_text(SPUN.replace("GEAR", "0.08"))
+    assert "D8" not in findings(file, budget=0)
+
+
 def test_the_share_of_time_stepping_is_what_a_quarter_of_the_timestep_leaves():
     found = findings(CHECK / "fast_crank.xml", budget=0)
 

@@ -79,6 +79,8 @@ def pace(exam: Examination) -> Iterator[Finding]:
         f"t = {one.time_s:.4g} s), and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: "
         f"too far to keep {in_words(blamed)} closed"
     )
+    if one.driver:
+        said += f"; {one.driver} gives up to {one.force:.4g} {one.unit}"
     yield found(
         "D8",
         exam.file,
@@ -89,6 +91,8 @@ def pace(exam: Examination) -> Iterator[Finding]:
         bound=one.bound,
         rate=one.rate,
         time_s=one.time_s,
+        driver=one.driver or None,
+        force=one.force if one.driver else None,
         also=blamed[1:],
     )
 
