@@ -136,11 +136,36 @@ def test_going_straight_through_a_flat_parallelogram_is_the_same_branch(tmp_path
     checked = oarlock.check(file, budget=0)
     codes = {one.code for one in checked.verdict}
     assert "L5" in codes
+    assert next(one for one in checked.verdict if one.code == "L5").line.startswith("rank 2 falls to 1 at t = ")
     assert "U5" not in codes
     exact = checked.examination.exact
     assert exact is not None
     for poses in (plain(file)[1], exact.qpos):
         assert np.abs(poses[:, 0] - poses[:, 2]).max() < 0.01
+
+
+def test_a_run_that_diverges_is_on_no_branch(tmp_path):
+    """Direct stiffness and damping that the timestep does not bear: where it was last is beyond any branch."""
+    text = SPUN.replace("GEAR", "2").replace('timestep="0.001"', 'timestep="0.005"')
+    file = tmp_path / "stiff.xml"
+    file.write_text(text.replace("<connect ", '<connect solref="-100000 -1000" '))
+    checked = oarlock.check(file, budget=0)
+    codes = {one.code for one in checked.verdict}
+    assert checked.examination.branch is not None
+    assert "R1" in codes
+    assert "U5" not in codes
+
+
+def test_a_joint_without_a_name_is_called_by_its_body_once(tmp_path):
+    text = (
+        SPUN.replace("GEAR", "8")
+        .replace('<joint name="wrist"/>', "<joint/>")
+        .replace('name="rocker"/><geom', "/><geom")
+    )
+    text = text.replace('<motor name="weak" joint="rocker" gear="0.01"/>', "").replace("0.5 -0.5 0.5", "0.5 0.5")
+    file = tmp_path / "nameless.xml"
+    file.write_text(text)
+    assert findings(file, budget=0)["D8"].line.startswith("joint of 'r")
 
 
 # Steps that are too long.

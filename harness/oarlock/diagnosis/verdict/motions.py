@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 
 from oarlock.base.numbers import percent
-from oarlock.base.text import quoted
+from oarlock.base.text import called, quoted
 from oarlock.diagnosis.examination import Examination, starved
 from oarlock.diagnosis.runs.drifts import VISIBLE
 from oarlock.diagnosis.runs.solving import Solving
@@ -20,7 +20,7 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
         return
     turns = "" if one.turns_s is None else f" and turns back, as the exact motion does at t = {one.turns_s:.4g} s"
     said = (
-        f"joint {quoted(one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead "
+        f"{called('joint', one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead "
         f"point there{turns}; MuJoCo goes on beyond it at t = {one.time_s:.4g} s, tears '{one.equality}' open by "
         f"{one.torn} and moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not "
         "have"
@@ -56,7 +56,7 @@ def branch(exam: Examination) -> Iterator[Finding]:
         return  # the motion of a run that blows up, or of forces that nobody solved for, is on no branch
     said = (
         f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one; "
-        f"at the end of the run they are {one.apart:.3g} {one.unit} apart at joint {quoted(one.joint)}"
+        f"at the end of the run they are {one.apart:.3g} {one.unit} apart at {called('joint', one.joint)}"
     )
     names = list(one.equalities)
     figures = {"time_s": one.since_s, "joint": one.joint, "apart": one.apart}
@@ -75,7 +75,7 @@ def pace(exam: Examination) -> Iterator[Finding]:
     if not blamed:
         return
     said = (
-        f"joint {quoted(one.joint)} turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at "
+        f"{called('joint', one.joint)} turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at "
         f"t = {one.time_s:.4g} s), and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: "
         f"too far to keep {in_words(blamed)} closed"
     )

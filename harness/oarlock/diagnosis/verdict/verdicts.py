@@ -11,7 +11,7 @@ import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
-from oarlock.base.text import quoted
+from oarlock.base.text import called, quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.lint import locked, opened
@@ -299,12 +299,12 @@ def _stopped(exam: Examination) -> Iterator[Finding]:
     """C5: a limit that stops a joint short of where an equality wants it, and that does not contradict it (C1)."""
     fight = exam.fight
     for one in exam.stopped:
-        name = f"limit of joint {quoted(one.joint)}"
+        name = f"limit of {called('joint', one.joint)}"
         if fight is not None and name in fight.others and one.equality in fight.equalities:
             continue
         given, without = (figure(value, one.drift_unit) for value in (one.drift, one.drift_without))
         said = (
-            f"the limit of joint {quoted(one.joint)} ({one.limit:.4g} {one.unit}) stops it where "
+            f"the {name} ({one.limit:.4g} {one.unit}) stops it where "
             f"{quoted(one.equality)} wants up to {one.wanted:.4g} {one.unit}: it opens by {given}, by {without} "
             "without that limit"
         )
