@@ -1,7 +1,6 @@
 """What stays open for good behind an open start: the deviation that is left when the start's own has faded."""
 
 import copy
-import math
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -24,9 +23,6 @@ FADED = 0.1
 TORQUESCALE = 5.0
 """Times the torquescale of a weld: tried where its angle is what stays open."""
 
-DEGREES = 1e-5
-"""rad. An offset that is so near to the one wanted when it is read as degrees was meant as such."""
-
 HELPS = 0.5
 """Of a lasting deviation: a change that leaves less is a remedy."""
 
@@ -44,7 +40,6 @@ class Lasting:
         cause: the largest part of that, of ``CAUSES``; share: its part.
         attribute: of the equality in MJCF, and value, that was tried out; empty if none was, or none helped.
         after: how far it then stays open.
-        degrees: the offset as it is, where it would close the start if it were degrees.
     """
 
     equality: str
@@ -54,7 +49,6 @@ class Lasting:
     attribute: str = ""
     value: str = ""
     after: Opening | None = None
-    degrees: float | None = None
 
 
 def find_lasting(
@@ -106,7 +100,7 @@ def _tried(
     """
     model = copy.deepcopy(recording.model)
     data = model.eq_data[equality.index]
-    last, degrees = None, None
+    last: np.ndarray | None = None
     if equality.kind.turns and (one.left.radians or 0.0) >= (one.left.metres or 0.0):
         data[_TORQUESCALE] *= TORQUESCALE
         attribute, value = "torquescale", f"{data[_TORQUESCALE]:g}"
@@ -114,10 +108,7 @@ def _tried(
     elif not equality.kind.joins_points:
         if np.abs(median[0]) < FADED * np.abs(start[0]):
             return one
-        given = float(data[_OFFSET])
-        data[_OFFSET] = given + start[0]
-        if equality.unit == "rad" and given and abs(math.radians(given) - data[_OFFSET]) <= DEGREES:
-            data[_OFFSET], degrees = math.radians(given), given
+        data[_OFFSET] += start[0]
         last = _rerun(model, recording, equality)
         attribute, value = "polycoef", " ".join(f"{number:.6g}" for number in data[:5])
     else:
@@ -127,7 +118,7 @@ def _tried(
     after = opening(model, equality, last)
     if not after.largest < HELPS * one.left.largest:
         return one
-    return replace(one, attribute=attribute, value=value, after=after, degrees=degrees)
+    return replace(one, attribute=attribute, value=value, after=after)
 
 
 def _rerun(
