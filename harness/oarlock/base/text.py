@@ -49,6 +49,11 @@ def quoted(name: str) -> str:
     return name if "'" in name else f"'{name}'"
 
 
+def called(kind: str, name: str) -> str:
+    """An element in a sentence, ``joint 'elbow'``; a description, ``joint of 'crank'``, stands as it is."""
+    return name if name.startswith(f"{kind} of ") else f"{kind} {quoted(name)}"
+
+
 def markdown(text: object) -> str:
     """Text that stays text in Markdown, in a sentence and in a cell of a table."""
     return _MARKUP.sub(r"\\\1", one_line(text))

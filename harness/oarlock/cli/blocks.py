@@ -55,6 +55,6 @@ def _print_findings(items: "Sequence[Item]") -> None:
         text.append_text(shown(f"{code} {first.name}  {first.element + ': ' if first.element else ''}{first.line}"))
         console().print(text, soft_wrap=True)
         if others:
-            names = list(dict.fromkeys(item.element for item in others))
-            print_line(f"{'':8}   and {len(others)} more: {few(names, most=6)}")
+            names = list(dict.fromkeys(item.element for item in others if item.element))
+            print_line(f"{'':8}   and {len(others)} more{f': {few(names, most=6)}' if names else ''}")
     print_line(f"oarlock explain {items[0].code} says what that means, how it is measured, and what to do")

@@ -334,7 +334,7 @@ def _run(found: Examination) -> None:
             least = max(found.target, VISIBLE)
             found.stopped = find_stopped(found.recording, found.drifts, found.pose.loops, least)
         found.lags = find_lags(found.recording, VISIBLE)
-        found.pace = find_pace(found.recording, found.exact)
+        found.pace = find_pace(found.recording, found.exact, found.pose.loops)
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
             found.dead_point = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))

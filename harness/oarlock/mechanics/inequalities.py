@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import RefusedError, few
+from oarlock.base.text import called
 from oarlock.mechanics.names import element_name
 
 OPTION = "--ignore-inequalities"
@@ -37,10 +38,10 @@ KINDS: dict[int, Kind] = {
 _TURNING = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_BALL))
 
 _KINDS = {
-    mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("friction of joint", mujoco.mjtObj.mjOBJ_JOINT),
-    mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: ("friction of tendon", mujoco.mjtObj.mjOBJ_TENDON),
-    mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT: ("limit of joint", mujoco.mjtObj.mjOBJ_JOINT),
-    mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON: ("limit of tendon", mujoco.mjtObj.mjOBJ_TENDON),
+    mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF: ("friction", "joint", mujoco.mjtObj.mjOBJ_JOINT),
+    mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: ("friction", "tendon", mujoco.mjtObj.mjOBJ_TENDON),
+    mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT: ("limit", "joint", mujoco.mjtObj.mjOBJ_JOINT),
+    mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON: ("limit", "tendon", mujoco.mjtObj.mjOBJ_TENDON),
 }
 
 
@@ -48,10 +49,10 @@ def row_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
     """What a row of a limit, friction loss or contact is of, in words that name it."""
     kind, index = mujoco.mjtConstraint(data.efc_type[row]), int(data.efc_id[row])
     if kind in _KINDS:
-        label, object_type = _KINDS[kind]
+        label, element, object_type = _KINDS[kind]
         if kind == mujoco.mjtConstraint.mjCNSTR_FRICTION_DOF:
             index = int(model.dof_jntid[index])
-        return f"{label} '{element_name(model, object_type, index)}'"
+        return f"{label} of {called(element, element_name(model, object_type, index))}"
     geoms = [int(geom) for geom in data.contact[index].geom]
     if min(geoms) < 0:
         return "contact with a flex"

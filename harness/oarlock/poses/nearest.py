@@ -22,6 +22,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import choose
+from oarlock.base.text import called
 from oarlock.mechanics.names import element_name
 from oarlock.poses.assembly import Assembly
 from oarlock.poses.chart import Chart, Seen, arm_of, bounds, fenced
@@ -114,7 +115,7 @@ def outside_ranges(model: mujoco.MjModel, qpos: np.ndarray) -> tuple[Outside, ..
     names = {int(address): joint for joint, address in enumerate(model.jnt_qposadr)}
     beyond = sorted(np.flatnonzero(by > 0.0).tolist(), key=lambda address: -by[address])
     return tuple(
-        Outside(f"limit of joint '{element_name(model, _JOINT, names[address])}'", float(by[address]))
+        Outside(f"limit of {called('joint', element_name(model, _JOINT, names[address]))}", float(by[address]))
         for address in beyond
     )
 

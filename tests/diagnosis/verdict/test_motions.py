@@ -136,11 +136,36 @@ def test_going_straight_through_a_flat_parallelogram_is_the_same_branch(tmp_path
     checked = oarlock.check(file, budget=0)
     codes = {one.code for one in checked.verdict}
     assert "L5" in codes
+    assert next(one for one in checked.verdict if one.code == "L5").line.startswith("rank 2 falls to 1 at t = ")
     assert "U5" not in codes
     exact = checked.examination.exact
     assert exact is not None
     for poses in (plain(file)[1], exact.qpos):
         assert np.abs(poses[:, 0] - poses[:, 2]).max() < 0.01
+
+
+def test_a_run_that_diverges_is_on_no_branch(tmp_path):
+    """Direct stiffness and damping that the timestep does not bear: where it was last is beyond any branch."""
+    text = SPUN.replace("GEAR", "2").replace('timestep="0.001"', 'timestep="0.005"')
+    file = tmp_path / "stiff.xml"
+    file.write_text(text.replace("<connect ", '<connect solref="-100000 -1000" '))
+    checked = oarlock.check(file, budget=0)
+    codes = {one.code for one in checked.verdict}
+    assert checked.examination.branch is not None
+    assert "R1" in codes
+    assert "U5" not in codes
+
+
+def test_a_joint_without_a_name_is_called_by_its_body_once(tmp_path):
+    text = (
+        SPUN.replace("GEAR", "8")
+        .replace('<joint name="wrist"/>', "<joint/>")
+        .replace('name="rocker"/><geom', "/><geom")
+    )
+    text = text.replace('<motor name="weak" joint="rocker" gear="0.01"/>', "").replace("0.5 -0.5 0.5", "0.5 0.5")
+    file = tmp_path / "nameless.xml"
+    file.write_text(text)
+    assert findings(file, budget=0)["D8"].line.startswith("joint of 'r")
 
 
 # Steps that are too long.
@@ -154,6 +179,37 @@ def test_a_fast_crank_turns_too_far_within_a_step(tmp_path):
     assert "D8" not in findings(CHECK / "fast_crank.xml", budget=0, integrator="rk4")
     slow = written(tmp_path, "fast_crank.xml", ("110 -110 36.666666666666664", "11 -11 3.6666666666666665"))
     assert "D8" not in findings(slow, budget=0)
+
+
+SPUN = """
+<mujoco>
+  <option timestep="0.001" gravity="0 0 0"/>
+  <default><joint axis="0 1 0" damping="0.02"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body><joint name="crank"/><geom fromto="0 0 0 0 0 0.1"/>
+      <body name="rod" pos="0 0 0.1"><joint name="wrist"/><geom fromto="0 0 0 0.4 0 0.1"/></body></body>
+    <body name="rocker" pos="0.4 0 0"><joint name="rocker"/><geom fromto="0 0 0 0 0 0.2"/></body>
+    <body pos="0 1 0"><joint name="other"/><geom fromto="0 0 0 0 0 9" mass="9"/></body>
+  </worldbody>
+  <equality><connect name="pin" body1="rod" body2="rocker" anchor="0.4 0 0.1"/></equality>
+  <actuator>
+    <motor name="weak" joint="rocker" gear="0.01"/>
+    <motor name="spin" joint="crank" gear="GEAR"/>
+    <motor name="elsewhere" joint="other" gear="500"/>
+  </actuator>
+  <keyframe><key ctrl="0.5 -0.5 0.5"/></keyframe>
+</mujoco>
+"""
+
+
+def test_what_spins_a_loop_is_named_with_its_torque(tmp_path):
+    file = tmp_path / "spun.xml"
+    file.write_text(SPUN.replace("GEAR", "8"))
+    one = findings(file, budget=0)["D8"]
+    assert one.line.endswith("; motor 'spin' gives up to 4 N m")
+    assert one.figures["force"] == pytest.approx(4.0)
+    file.write_text(SPUN.replace("GEAR", "0.08"))
+    assert "D8" not in findings(file, budget=0)
 
 
 def test_the_share_of_time_stepping_is_what_a_quarter_of_the_timestep_leaves():
@@ -192,38 +248,72 @@ def test_a_load_tilts_what_a_mocap_body_carries_for_good():
     assert found["S1"].severity == "warning"
 
 
-def test_a_coupling_that_stays_off_is_helped_by_its_offset(tmp_path):
-    """Two levers geared 1:1; the second carries a weight. With the offset it is where the gear is meant to hold it."""
+LEVERS = """
+<mujoco>
+  <option timestep="0.002"/>
+  <default>
+    <joint axis="0 1 0" damping="0.05"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
+  </default>
+  <worldbody>
+    <body><joint name="hand" stiffness="40"/><geom fromto="0 0 0 0.2 0 0" mass="0.1"/></body>
+    <body pos="0 0.2 0"><joint name="arm"/><geom fromto="0 0 0 0.3 0 0" mass="0.1"/>
+      <geom type="sphere" size="0.03" pos="0.3 0 0" mass="3"/></body>
+  </worldbody>
+  <equality><joint name="gear" joint1="arm" joint2="hand"/></equality>
+  <keyframe><key qpos="0 -0.3"/></keyframe>
+</mujoco>
+"""
+
+
+def test_a_coupling_that_sags_is_no_matter_of_its_offset(tmp_path):
+    """Two levers geared 1:1; the second carries a weight. An offset against that would be wrong with another weight."""
     file = tmp_path / "levers.xml"
-    file.write_text(
-        """
-        <mujoco>
-          <option timestep="0.002"/>
-          <default>
-            <joint axis="0 1 0" damping="0.05"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
-          </default>
-          <worldbody>
-            <body><joint name="hand" stiffness="40"/><geom fromto="0 0 0 0.2 0 0" mass="0.1"/></body>
-            <body pos="0 0.2 0"><joint name="arm"/><geom fromto="0 0 0 0.3 0 0" mass="0.1"/>
-              <geom type="sphere" size="0.03" pos="0.3 0 0" mass="3"/></body>
-          </worldbody>
-          <equality><joint name="gear" joint1="arm" joint2="hand"/></equality>
-          <keyframe><key qpos="0 -0.3"/></keyframe>
-        </mujoco>
-        """
-    )
+    file.write_text(LEVERS)
     one = findings(file, budget=0)["S4"]
-    coefficients = [float(number) for number in one.figures["value"].split()]
+    poses = plain(file)[1]
+    assert one.figures["left"] == pytest.approx(abs(float(np.median(poses[-250:, 1] - poses[-250:, 0]))), rel=1e-3)
+    assert "polycoef" not in one.line
 
-    def offset(model):
-        model.eq_data[0, :5] = coefficients
 
-    def lasting(change) -> float:
-        poses = plain(file, change)[1]
-        return float(np.median(poses[-250:, 1] - poses[-250:, 0]))
+TURRET = """
+<mujoco>
+  <compiler autolimits="true"/>
+  <option timestep="0.002"/>
+  <default>
+    <joint axis="0 0 1" damping="0.1" armature="0.01"/>
+    <geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
+  </default>
+  <worldbody>
+    <body><joint name="lead" range="-80 80"/><geom fromto="0 0 0 0.2 0 0"/></body>
+    <body pos="0 0.3 0"><joint name="turret" range="-60 60"/><geom fromto="0 0 0 0.2 0 0"/></body>
+  </worldbody>
+  <equality><joint name="gear" joint1="turret" joint2="lead" polycoef="OFFSET 0.5 0 0 0"/></equality>
+  <actuator><position joint="lead" kp="2" kv="0.1"/></actuator>
+  <keyframe><key qpos="0.2 0.536332" ctrl="0.1"/></keyframe>
+</mujoco>
+"""
 
-    assert one.figures["left"] == pytest.approx(abs(lasting(None)), rel=1e-3)
-    assert abs(lasting(offset)) < 0.1 * abs(lasting(None))
+
+@pytest.mark.parametrize(("offset", "degrees"), [(25.0, True), (7.0, False)])
+def test_an_offset_that_opens_the_start_is_set_to_what_closes_it(tmp_path, offset, degrees):
+    """The turret is drawn 25 degrees beside its leader; what holds it off are the ranges."""
+    file = tmp_path / "turret.xml"
+    file.write_text(TURRET.replace("OFFSET", str(offset)))
+    found = findings(file, budget=0)
+    one = found["S4"]
+    wanted = [float(number) for number in one.figures["value"].split()]
+    assert wanted == pytest.approx([math.radians(25.0), 0.5, 0.0, 0.0, 0.0], abs=1e-6)
+    assert ("and was meant as degrees" in one.line) is degrees
+
+    def mended(model):
+        model.eq_data[0, :5] = wanted
+
+    rows = plain(file, mended)[2]
+    assert abs(rows[0, 0]) < 1e-5  # six digits of a file
+    assert one.figures["after"] == pytest.approx(float(np.median(np.abs(rows[-250:]))), abs=1e-9)
+    assert "C3" not in found
+    assert found["S1"].severity == "note"
+    assert next(iter(found)) == "S4"
 
 
 def test_an_open_start_that_fades_is_only_that(tmp_path):

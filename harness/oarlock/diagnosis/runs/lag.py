@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from oarlock.base.text import called
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.walking import walk
 from oarlock.mechanics.controls import drive
@@ -61,7 +62,7 @@ def find_lags(recording: Recording, visible: float) -> tuple[Lag, ...]:
         without = _without(recording, equality.index, rubbing)
         names = tuple(element_name(model, _JOINT, joint) for joint in rubbing)
         if without < HALF * given:
-            holds = max(stuck.get(f"friction of joint '{name}'", 0.0) for name in names)
+            holds = max(stuck.get(f"friction of {called('joint', name)}", 0.0) for name in names)
             found.append(Lag(equality.name, names, given, without, holds))
     return tuple(found)
 

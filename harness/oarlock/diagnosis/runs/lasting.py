@@ -23,9 +23,6 @@ FADED = 0.1
 TORQUESCALE = 5.0
 """Times the torquescale of a weld: tried where its angle is what stays open."""
 
-OFFSETS = 2
-"""So often the offset of a coupling is set anew: what it holds moves with it, and with that the load."""
-
 HELPS = 0.5
 """Of a lasting deviation: a change that leaves less is a remedy."""
 
@@ -42,7 +39,7 @@ class Lasting:
         left: how far it stays open, as a median over the last part of the run.
         cause: the largest part of that, of ``CAUSES``; share: its part.
         attribute: of the equality in MJCF, and value, that was tried out; empty if none was, or none helped.
-        after: how far it then stays open; of an offset, from what the equality was meant to hold.
+        after: how far it then stays open.
     """
 
     equality: str
@@ -85,18 +82,22 @@ def find_lasting(
         shares[start] = -np.inf
         leading = int(shares.argmax())
         one = Lasting(equality.name, left, CAUSES[leading], min(1.0, float(shares[leading])))
-        found.append(_tried(one, attribution, equality, median))
+        found.append(_tried(one, recording, equality, median, recording.position[0, rows]))
     return found
 
 
 def _tried(
     one: Lasting,
-    attribution: Attribution,
+    recording: Recording,
     equality: Equality,
     median: np.ndarray,
+    start: np.ndarray,
 ) -> Lasting:
-    """With the attribute that takes most of it away, if there is one: it is tried."""
-    recording = attribution.recording
+    """With the attribute that takes most of it away, if there is one: it is tried.
+
+    An offset is the one that closes the start as it is given. What stays open by much less than the start is what a
+    load takes, and an offset against that would hold under this load alone.
+    """
     model = copy.deepcopy(recording.model)
     data = model.eq_data[equality.index]
     last: np.ndarray | None = None
@@ -105,13 +106,10 @@ def _tried(
         attribute, value = "torquescale", f"{data[_TORQUESCALE]:g}"
         last = _rerun(model, recording, equality)
     elif not equality.kind.joins_points:
-        given, off = float(data[_OFFSET]), median
-        for _ in range(OFFSETS):
-            data[_OFFSET] -= off[0]
-            again = _rerun(model, recording, equality)
-            if again is None:
-                return one
-            last = off = again + (data[_OFFSET] - given)
+        if np.abs(median[0]) < FADED * np.abs(start[0]):
+            return one
+        data[_OFFSET] += start[0]
+        last = _rerun(model, recording, equality)
         attribute, value = "polycoef", " ".join(f"{number:.6g}" for number in data[:5])
     else:
         return one

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
+from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.mechanics.names import element_name
@@ -15,7 +17,8 @@ OFF = 0.005
 """Of the length of a link that turns about a joint: so far a step may leave the circle that its end moves on."""
 
 _HINGE, _BALL = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_BALL)
-_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,8 @@ class Pace:
         joint: its name.
         per_step: rad; bound: how far a step of this integrator may turn, rad.
         rate: rad/s; time_s: when.
+        driver: the actuator that gives most, of those on joints of the same loops, in words; empty if there is none.
+        force: that force over MuJoCo's run; unit: of it.
     """
 
     joint: str
@@ -33,6 +38,9 @@ class Pace:
     bound: float
     rate: float
     time_s: float
+    driver: str = ""
+    force: float = 0.0
+    unit: str = "N m"
 
     @property
     def too_fast(self) -> bool:
@@ -49,7 +57,7 @@ def bound(integrator: str) -> float:
     return (OFF * math.factorial(terms)) ** (1.0 / terms)
 
 
-def find_pace(recording: Recording, exact: ExactRun | None) -> Pace | None:
+def find_pace(recording: Recording, exact: ExactRun | None, loops: Loops | None = None) -> Pace | None:
     """Of the exact motion where it is known to the end, else of MuJoCo's run; None where nothing turns."""
     model, h = recording.model, recording.timestep_s
     known = exact is not None and exact.end.how == "finished" and len(exact.qpos) > 1
@@ -71,4 +79,27 @@ def find_pace(recording: Recording, exact: ExactRun | None) -> Pace | None:
     step, joint = np.unravel_index(int(turns.argmax()), turns.shape)
     turn = float(turns[step, joint])
     name = element_name(model, mujoco.mjtObj.mjOBJ_JOINT, int(joint))
-    return Pace(name, turn, bound(recording.integrator), turn / h, float(times[step]))
+    driver = _driver(recording, loops, int(joint))
+    return Pace(name, turn, bound(recording.integrator), turn / h, float(times[step]), *driver)
+
+
+def _driver(recording: Recording, loops: Loops | None, joint: int) -> tuple[str, float, str]:
+    """The actuator on a joint of the same group as one joint that gives most, in words, with its force and unit."""
+    model = recording.model
+    joints = {joint}
+    for number in range(len(loops.groups) if loops is not None else 0):
+        assert loops is not None
+        group = {int(model.dof_jntid[dof]) for dof in loops.dofs(number)}
+        joints |= group if joint in group else set()
+    best = ("", 0.0, "N m")
+    for actuator in range(model.nu):
+        kind, driven = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
+        if kind not in _ON_JOINTS or driven not in joints:
+            continue
+        force = float(recording.driven[actuator] * np.abs(model.actuator_gear[actuator]).max())
+        if force > best[1]:
+            name = element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, actuator)
+            plain = not (model.actuator_biastype[actuator] or model.actuator_dyntype[actuator])
+            slides = int(model.jnt_type[driven]) == _SLIDE
+            best = f"{'motor' if plain else 'actuator'} {quoted(name)}", force, "N" if slides else "N m"
+    return best

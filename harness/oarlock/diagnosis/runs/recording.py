@@ -65,6 +65,7 @@ class Recording:
         other_power: power of everything but loops, gravity and springs, W, (steps): drives, dampers, contacts, limits.
         iterations: of the constraint solver, over all islands.
         others: active rows that are not equalities'.
+        driven: largest force of each actuator, N or N m, before its gear, (nu).
         act: activations at the start, (na); laws: actuator → law of time.
         pushes: what each limit, friction loss and contact did.
         beside: equalities whose reactions those leave open, at the last state in which any pushed.
@@ -99,6 +100,7 @@ class Recording:
     other_power: np.ndarray
     iterations: np.ndarray
     others: np.ndarray
+    driven: np.ndarray
     act: np.ndarray
     laws: dict[str, str]
     pushes: tuple[Push, ...]
@@ -226,6 +228,7 @@ class _Recorder:
         self._qvel, self._qacc, self._free = np.zeros((3, steps, nv))
         self._ctrl = np.zeros((steps, model.nu))
         self._act = data.act.copy()
+        self._driven = np.zeros(model.nu)
         self._columns = RowColumns(self._layout)
         self._block = max(1, min(steps, BLOCK_BYTES // (8 * rows * max(rows, nv))))
         self._whitened = np.zeros((self._block, rows, nv))
@@ -275,6 +278,7 @@ class _Recorder:
             other_power=self._power[:taken],
             iterations=self._iterations[:taken],
             others=self._others[:taken],
+            driven=self._driven,
             act=self._act,
             laws=laws,
             pushes=self._pushes.found,
@@ -290,6 +294,7 @@ class _Recorder:
         self._iterations[step] = data.solver_niter[: max(1, data.nisland)].sum()
         self._coordinates[step], self._qvel[step], self._qacc[step] = data.qpos, data.qvel, data.qacc
         self._ctrl[step] = data.ctrl
+        np.maximum(self._driven, np.abs(data.actuator_force), out=self._driven)
         self._pushes.take(data)
         self._energy[step] = data.energy
         slot = step - self._solved

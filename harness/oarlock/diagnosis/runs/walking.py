@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.base.text import called
 from oarlock.mechanics.bounds import HUGE, bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import coordinates, element_name
@@ -79,7 +80,7 @@ def diverged(model: mujoco.MjModel, data: mujoco.MjData) -> End:
         bad = ~(np.abs(values) < HUGE)
         if bad.any():
             worst = int(np.where(np.isfinite(values), np.abs(values), np.inf).argmax())
-            message = f"{what} of joint '{owners[worst]}' is {values[worst]:.3g} at t = {data.time:.6g} s"
+            message = f"{what} of {called('joint', owners[worst])} is {values[worst]:.3g} at t = {data.time:.6g} s"
             return End("diverged", float(data.time), message)
     return End("diverged", float(data.time), f"the state is no longer finite at t = {data.time:.6g} s")
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 
 from oarlock.base.numbers import percent
-from oarlock.base.text import quoted
+from oarlock.base.text import called, quoted
 from oarlock.diagnosis.examination import Examination, starved
 from oarlock.diagnosis.runs.drifts import VISIBLE
 from oarlock.diagnosis.runs.solving import Solving
@@ -20,7 +20,7 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
         return
     turns = "" if one.turns_s is None else f" and turns back, as the exact motion does at t = {one.turns_s:.4g} s"
     said = (
-        f"joint {quoted(one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead "
+        f"{called('joint', one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead "
         f"point there{turns}; MuJoCo goes on beyond it at t = {one.time_s:.4g} s, tears '{one.equality}' open by "
         f"{one.torn} and moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not "
         "have"
@@ -56,7 +56,7 @@ def branch(exam: Examination) -> Iterator[Finding]:
         return  # the motion of a run that blows up, or of forces that nobody solved for, is on no branch
     said = (
         f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one; "
-        f"at the end of the run they are {one.apart:.3g} {one.unit} apart at joint {quoted(one.joint)}"
+        f"at the end of the run they are {one.apart:.3g} {one.unit} apart at {called('joint', one.joint)}"
     )
     names = list(one.equalities)
     figures = {"time_s": one.since_s, "joint": one.joint, "apart": one.apart}
@@ -75,10 +75,12 @@ def pace(exam: Examination) -> Iterator[Finding]:
     if not blamed:
         return
     said = (
-        f"joint {quoted(one.joint)} turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at "
+        f"{called('joint', one.joint)} turns {one.per_step:.2g} rad a step ({one.rate:.3g} rad/s at "
         f"t = {one.time_s:.4g} s), and a step of {recording.integrator} follows a circle up to {one.bound:.2g} rad: "
         f"too far to keep {in_words(blamed)} closed"
     )
+    if one.driver:
+        said += f"; {one.driver} gives up to {one.force:.4g} {one.unit}"
     yield found(
         "D8",
         exam.file,
@@ -89,6 +91,8 @@ def pace(exam: Examination) -> Iterator[Finding]:
         bound=one.bound,
         rate=one.rate,
         time_s=one.time_s,
+        driver=one.driver or None,
+        force=one.force if one.driver else None,
         also=blamed[1:],
     )
 
@@ -98,12 +102,20 @@ def lasting(exam: Examination) -> Iterator[Finding]:
     for one in exam.lasting:
         said = f"stays open by {one.left} when the start has faded; {percent(one.share)} of it is "
         said += CAUSE[one.cause].phrase
+        if one.degrees is not None:
+            said += f"; polycoef[0] = {one.degrees:g} is read as radians, and was meant as degrees"
         if one.attribute:
             said += f'; with {one.attribute}="{one.value}" it is {one.after}'
-            said += " from what it is meant to hold" if one.attribute == "polycoef" else ""
+            said += ", and the start is closed as it is given" if one.attribute == "polycoef" else ""
         severity = None if one.left.largest > VISIBLE else "note"
         after = one.after.largest if one.after is not None else None
-        figures = {"left": one.left.largest, "share": one.share, "after": after, "value": one.value}
+        figures = {
+            "left": one.left.largest,
+            "share": one.share,
+            "after": after,
+            "value": one.value,
+            "degrees": one.degrees,
+        }
         yield found("S4", exam.file, said, element=one.equality, severity=severity, **figures)
 
 

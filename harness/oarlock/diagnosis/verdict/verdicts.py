@@ -11,7 +11,7 @@ import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
-from oarlock.base.text import quoted
+from oarlock.base.text import called, quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.lint import locked, opened
@@ -193,7 +193,13 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
     one = opened.of(pose.openings, pose.speeds, more)
     figures = {**one.figures, "moved": pose.moved}
-    return found("S1", exam.file, one.line, element=one.element, severity=one.severity, **figures)
+    severity = "note" if one.element in _offsets(exam) else one.severity
+    return found("S1", exam.file, one.line, element=one.element, severity=severity, **figures)
+
+
+def _offsets(exam: Examination) -> set[str]:
+    """Couplings whose offset is what opens the start, so that it is the coupling that has to be mended (S4)."""
+    return {one.equality for one in exam.lasting if one.attribute == "polycoef"}
 
 
 def _unit(exam: Examination, pose: ClosedPose) -> str:
@@ -283,7 +289,7 @@ def _fights(exam: Examination) -> Iterator[Finding]:
             f"holds in {percent(lag.stuck)} of the steps"
         )
         yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
-    if exam.stops is not None:
+    if exam.stops is not None and not _offsets(exam):  # with such an offset the closed start is another one
         whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
         said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole} left"
         yield found("C3", exam.file, said, dof=exam.stops.dof)
@@ -293,12 +299,12 @@ def _stopped(exam: Examination) -> Iterator[Finding]:
     """C5: a limit that stops a joint short of where an equality wants it, and that does not contradict it (C1)."""
     fight = exam.fight
     for one in exam.stopped:
-        name = f"limit of joint {quoted(one.joint)}"
+        name = f"limit of {called('joint', one.joint)}"
         if fight is not None and name in fight.others and one.equality in fight.equalities:
             continue
         given, without = (figure(value, one.drift_unit) for value in (one.drift, one.drift_without))
         said = (
-            f"the limit of joint {quoted(one.joint)} ({one.limit:.4g} {one.unit}) stops it where "
+            f"the {name} ({one.limit:.4g} {one.unit}) stops it where "
             f"{quoted(one.equality)} wants up to {one.wanted:.4g} {one.unit}: it opens by {given}, by {without} "
             "without that limit"
         )

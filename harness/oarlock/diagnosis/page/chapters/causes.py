@@ -12,6 +12,7 @@ from oarlock.diagnosis.page.document import accelerations_table
 from oarlock.diagnosis.runs.row_law import Share
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.versions import OLDER, without_curvature
+from oarlock.diagnosis.verdict.blame import amount
 from oarlock.diagnosis.verdict.causes import CAUSE
 
 ROUNDING = 1e-9
@@ -28,8 +29,8 @@ def causes(exam: Examination) -> Chapter:
         return chapter
     worst, shares = exam.attribution.worst, exam.attribution.shares
     chapter.say(
-        f"'{worst.label}' is off by {_amount(exam, worst)} at t = {worst.time_s:.6g} s, by the row law mostly for "
-        f"{CAUSE[worst.leading].phrase}."
+        f"{quoted(worst.name)} opens by {amount(exam, worst)} at t = {worst.time_s:.6g} s; its row '{worst.label}' is "
+        f"off by {_amount(exam, worst)}, by the row law mostly for {CAUSE[worst.leading].phrase}."
     )
     starving = sorted(starved(exam))
     if starving:

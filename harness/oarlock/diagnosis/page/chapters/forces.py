@@ -78,7 +78,9 @@ def _pushes(exam: Examination, chapter: Chapter) -> None:
     columns = ("of", "from (s)", "to (s)", "of the steps", "held", "largest force")
     chapter.table("pushes", columns, rows, words=1)
     if exam.exact is not None and len(exam.exact.loads):
-        kinds = ("limits", "N or N m"), ("friction", "N or N m"), ("all contacts together", "N")
+        units = [{push.unit for push in exam.recording.pushes if push.kind == kind} for kind in ("limit", "friction")]
+        limits, friction = (unit.pop() if len(unit) == 1 else "N or N m" for unit in units)
+        kinds = ("limits", limits), ("friction", friction), ("all contacts together", "N")
         most = zip(kinds, exam.exact.loads.max(axis=0).tolist(), strict=True)
         told = [f"{what} with up to {figure(force, unit)}" for (what, unit), force in most if force]
         chapter.say(f"With exact loops: {'; '.join(told) or 'none of them pushes'}.")
