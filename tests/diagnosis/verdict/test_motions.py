@@ -275,42 +275,38 @@ def test_a_coupling_that_sags_is_no_matter_of_its_offset(tmp_path):
     assert "polycoef" not in one.line
 
 
-TURRET = """
+JAWS = """
 <mujoco>
   <compiler autolimits="true"/>
   <option timestep="0.002"/>
-  <default>
-    <joint axis="0 0 1" damping="0.1" armature="0.01"/>
-    <geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
-  </default>
+  <default><joint type="slide" axis="1 0 0" damping="20"/>
+    <geom size="0.02" mass="0.5" contype="0" conaffinity="0"/></default>
   <worldbody>
-    <body><joint name="lead" range="-80 80"/><geom fromto="0 0 0 0.2 0 0"/></body>
-    <body pos="0 0.3 0"><joint name="turret" range="-60 60"/><geom fromto="0 0 0 0.2 0 0"/></body>
+    <body><joint name="near" range="-0.1 0.1"/><geom/></body>
+    <body pos="0 0.3 0"><joint name="far" range="-0.1 0.1"/><geom/></body>
   </worldbody>
-  <equality><joint name="gear" joint1="turret" joint2="lead" polycoef="OFFSET 0.5 0 0 0"/></equality>
-  <actuator><position joint="lead" kp="2" kv="0.1"/></actuator>
-  <keyframe><key qpos="0.2 0.536332" ctrl="0.1"/></keyframe>
+  <equality><joint name="together" joint1="far" joint2="near" polycoef="0.6 0.5 0 0 0"/></equality>
+  <actuator><position joint="near" kp="50" kv="5"/></actuator>
+  <keyframe><key qpos="0.02 0.05" ctrl="0.02"/></keyframe>
 </mujoco>
 """
 
 
-@pytest.mark.parametrize(("offset", "degrees"), [(25.0, True), (7.0, False)])
-def test_an_offset_that_opens_the_start_is_set_to_what_closes_it(tmp_path, offset, degrees):
-    """The turret is drawn 25 degrees beside its leader; what holds it off are the ranges."""
-    file = tmp_path / "turret.xml"
-    file.write_text(TURRET.replace("OFFSET", str(offset)))
+def test_an_offset_that_opens_the_start_is_set_to_what_closes_it(tmp_path):
+    """Their ranges hold the jaws off: the coupling is drawn 40 mm beside its leader, and 600 mm is written."""
+    file = tmp_path / "jaws.xml"
+    file.write_text(JAWS)
     found = findings(file, budget=0)
     one = found["S4"]
     wanted = [float(number) for number in one.figures["value"].split()]
-    assert wanted == pytest.approx([math.radians(25.0), 0.5, 0.0, 0.0, 0.0], abs=1e-6)
-    assert ("and was meant as degrees" in one.line) is degrees
+    assert wanted == pytest.approx([0.04, 0.5, 0.0, 0.0, 0.0])
 
     def mended(model):
         model.eq_data[0, :5] = wanted
 
     rows = plain(file, mended)[2]
-    assert abs(rows[0, 0]) < 1e-5  # six digits of a file
-    assert one.figures["after"] == pytest.approx(float(np.median(np.abs(rows[-250:]))), abs=1e-9)
+    assert abs(rows[0, 0]) < CLOSED
+    assert one.figures["after"] == pytest.approx(abs(float(np.median(rows[-250:]))), abs=CLOSED)
     assert "C3" not in found
     assert found["S1"].severity == "note"
     assert next(iter(found)) == "S4"

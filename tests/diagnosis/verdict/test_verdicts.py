@@ -401,7 +401,7 @@ def test_scale_is_that_of_the_row_that_drifts():
 def test_contacts_do_not_keep_the_rest_from_an_answer():
     exam, findings = as_it_is("contacts.xml")
     assert only(findings, "R2").line.startswith(
-        "contact between geom 'table' and geom 'coupler' from t = 0.758 s, up to"
+        "in MuJoCo's run contact between geom 'table' and geom 'coupler' from t = 0.758 s, up to"
     )
     assert exam.exact.end.how == "finished"
     assert exam.exact.drift[:, 0].max() < 1e-12

@@ -102,8 +102,6 @@ def lasting(exam: Examination) -> Iterator[Finding]:
     for one in exam.lasting:
         said = f"stays open by {one.left} when the start has faded; {percent(one.share)} of it is "
         said += CAUSE[one.cause].phrase
-        if one.degrees is not None:
-            said += f"; polycoef[0] = {one.degrees:g} is read as radians, and was meant as degrees"
         if one.attribute:
             said += f'; with {one.attribute}="{one.value}" it is {one.after}'
             said += ", and the start is closed as it is given" if one.attribute == "polycoef" else ""
@@ -114,7 +112,6 @@ def lasting(exam: Examination) -> Iterator[Finding]:
             "share": one.share,
             "after": after,
             "value": one.value,
-            "degrees": one.degrees,
         }
         yield found("S4", exam.file, said, element=one.equality, severity=severity, **figures)
 
