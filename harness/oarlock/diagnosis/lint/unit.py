@@ -176,7 +176,7 @@ def _met(model: mujoco.MjModel, one: Equality, offset: float) -> bool:
     if second and model.eq_data[one.index, 1:5].any():
         if not np.isfinite(second[0]).all():
             return True
-        places = np.linspace(*second[0], PLACES)
+        places = np.linspace(second[0][0], second[0][1], PLACES)
         follows = places * np.polynomial.polynomial.polyval(places, model.eq_data[one.index, 1:5])
     return bool(offset + follows.min() <= first[1] and offset + follows.max() >= first[0])
 
