@@ -80,7 +80,7 @@ FOUND = {
     "starved_rods.xml": {"D6", "T1", "A1"},
     "torn_linkage.xml": {"U4", "D8", "T1", "L3"},
     "tilted_hinge.xml": {"S3", "D1", "D5", "T1"},
-    "degrees.xml": {"A2", "S1", "C3", "R2", "U3", "T1"},
+    "degrees.xml": {"A2", "S1", "R2", "U3", "T1"},
     "turned_weld.xml": {"S7", "S2", "L3"},
     "wrong_sign.xml": {"L9", "L3", "T1"},
     "drawn_apart.xml": {"S5", "S1", "S4", "S6", "L3", "T1"},
