@@ -13,6 +13,9 @@ from oarlock.diagnosis.runs.walking import own_copy
 from oarlock.diagnosis.runs.without import MOST, about, left_about
 from oarlock.mechanics.names import element_name
 
+RESTS = 0.5
+"""Of the worst deviation, as a median while the joint is beyond its limit: less is a stop that a motion strikes."""
+
 _LIMIT = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT)
 _HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
@@ -97,12 +100,17 @@ def _pressed(recording: Recording, drift: Drift, joints: tuple[int, ...]) -> lis
     data.qpos[:], data.qvel[:] = recording.qpos[step], recording.qvel[step]
     data.ctrl[:] = recording.ctrl[step]
     mujoco.mj_forward(model, data)
+    place = [one.name for one in recording.layout.equalities].index(drift.equality)
+    size = np.linalg.norm(recording.position[:, recording.layout.of_equality(place)], axis=1)
     found = []
     for row in range(data.ne, data.nefc):
         joint = int(data.efc_id[row])
         if data.efc_type[row] != _LIMIT or not data.efc_force[row] > 0.0 or joint not in joints:
             continue
         if model.jnt_type[joint] in (_HINGE, _SLIDE):
-            coordinate, (low, high) = data.qpos[model.jnt_qposadr[joint]], model.jnt_range[joint]
-            found.append((joint, bool(high - coordinate < coordinate - low)))
+            address, (low, high) = model.jnt_qposadr[joint], model.jnt_range[joint]
+            upper = bool(high - data.qpos[address] < data.qpos[address] - low)
+            beyond = recording.qpos[:, address] > high if upper else recording.qpos[:, address] < low
+            if beyond.any() and np.median(size[beyond]) >= RESTS * size[step]:
+                found.append((joint, upper))
     return found
