@@ -90,7 +90,7 @@ def _trial(trial: Trial, *, chosen: bool) -> tuple[str, ...]:
         _drifted(trial) if finite else f"diverged: {trial.end.message}",
         figure(trial.predicted),
         trial.equality.name,
-        figure(trial.energy_error) if np.isfinite(trial.energy_error) else NOTHING,
+        figure(trial.energy_error) if finite and np.isfinite(trial.energy_error) else NOTHING,
         f"× {figure(trial.cost)}" if trial.cost is not None else NOTHING,
     )
 
