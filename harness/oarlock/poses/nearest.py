@@ -186,7 +186,7 @@ def nearest_kept(
     Returns:
         The pose, None where none closes; and whether the joints were held.
     """
-    tries = [((), True), ((), False)]
+    tries: list[tuple[tuple[int, ...], bool]] = [((), True), ((), False)]
     if held:
         tries.insert(0, (held, True))
     for joints, limits in tries:

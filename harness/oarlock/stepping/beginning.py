@@ -125,8 +125,9 @@ def driven_by(model: mujoco.MjModel, asked: Motion, key: int | None) -> tuple[La
     if model.nu == 0 and not asked.drives:
         return Laws({}), "no actuators"
     named = bool(asked.control) or asked.log is not None
-    own: Kind = "keyframe" if key is not None else ("constant" if named else "random")
-    kind = next((kind for kind in KINDS if kind == asked.controls), own)
+    kind: Kind = "keyframe" if key is not None else "constant" if named else "random"
+    for known in KINDS:
+        kind = known if known == asked.controls else kind
     if kind == "keyframe" and key is None:
         raise InputError("the run starts from no keyframe, expected one for controls of kind 'keyframe'")
     found = controls.laws(model, kind, key, asked.seed, asked.control)

@@ -102,15 +102,11 @@ class Bench:
     def recipe(self, changes: Sequence[Change], seed: int | None = None) -> Recipe:
         """Settings that hold the model with changes; under random controls not from disturbed starts."""
         budget_s = self.exam.options.budget
-        return recipe(
-            self.model(changes),
-            self.start(changes),
-            self.laws(seed),
-            self.target,
-            self.exam.duration_s,
-            made=self.exam.made,
-            **({"budget_s": budget_s} if seed is None else {"budget_s": budget_s / len(self.seeds), "seeds": ()}),
-        )
+        search = partial(recipe, self.model(changes), self.start(changes), self.laws(seed), self.target)
+        search = partial(search, self.exam.duration_s, made=self.exam.made)
+        if seed is None:
+            return search(budget_s=budget_s)
+        return search(budget_s=budget_s / len(self.seeds), seeds=())
 
     def laws(self, seed: int | None) -> dict[str, str]:
         """The user's controls, or random ones of all actuators."""
