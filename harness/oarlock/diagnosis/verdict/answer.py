@@ -16,11 +16,7 @@ _BECAUSE = {
     "D3": "within a step the velocity runs straight, and the loop bends",
     "D4": "the integrator treats damping implicitly, after the constraint forces",
     "D5": "its row is softer than solimp says",
-    "D6": "the solver stops before it has solved its question",
-    "D8": "the timestep is too long for the motion",
     "E1": "its own springs and dampers take energy",
-    "S1": "the start is open, and has to be pulled together first",
-    "S4": "a lasting error stands behind the open start",
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
@@ -74,4 +70,5 @@ def _mended(exam: Examination) -> str:
     if recipe is None or recipe.outcome != "reached":
         return ""
     left = max([recipe.chosen, *recipe.verified], key=lambda one: one.drift)
-    return f"; with {recipe.reason} it opens by at most {held(left)}"
+    whence = "from the closed start, " if exam.pose is not None and not exam.pose.consistent else ""
+    return f"; {whence}with {recipe.reason} it opens by at most {held(left)}"
