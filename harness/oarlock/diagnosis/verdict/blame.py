@@ -220,15 +220,15 @@ def position(exam: Examination, equality: str) -> Drift | None:
 
 
 def _place(exam: Examination, share: Share) -> int:
-    assert exam.recording is not None
-    names = [one.name for one in exam.recording.layout.equalities]
+    assert exam.attribution is not None
+    names = [one.name for one in exam.attribution.recording.layout.equalities]
     return names.index(share.name)
 
 
 def amount(exam: Examination, share: Share) -> str:
     """The worst deviation of an equality in m and rad, for a line."""
-    recording = exam.recording
-    assert recording is not None
+    assert exam.attribution is not None
+    recording = exam.attribution.recording
     place = _place(exam, share)
     step = int(np.abs(recording.time - share.time_s).argmin())
     rows = recording.position[step, recording.layout.of_equality(place)]
