@@ -101,9 +101,30 @@ def quiet_engine() -> Iterator[None]:
         warnings.warn(f"MuJoCo warns: {text}", stacklevel=3)
 
 
+_NAMING = re.compile(r"name|class|model|file|dir|mesh|texture|material|body|joint|site|tendon|geom|key|target|prefix")
+"""Attributes whose values are names or paths, in which nan is a word."""
+
+
 def _attribute_with_nan(path: Path) -> str:
-    found = re.search(rb"""\w+\s*=\s*(["'])[^"']*\bnan\b[^"']*\1""", path.read_bytes(), re.IGNORECASE)
-    return one_line(found[0].decode(errors="replace")) if found else "an attribute"
+    """The first attribute of which a number is none, with its element's tag and name."""
+    for tag, text in re.findall(r"<(\w+)((?:\s+[\w:]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))+)", _text(path)):
+        given = {name: value for name, _, value in re.findall(r"([\w:]+)\s*=\s*([\"'])(.*?)\2", text, re.DOTALL)}
+        for name, value in given.items():
+            if not _NAMING.match(name) and any(word.lower().lstrip("+-") == "nan" for word in value.split()):
+                whose = (
+                    f" of {tag} '{given['name']}'"
+                    if "name" in given
+                    else f" of {tag}"
+                    if tag in ("option", "compiler", "size")
+                    else f" of a {tag}"
+                )
+                return one_line(f'{name}="{value}"{whose}')
+    return "an attribute"
+
+
+def _text(path: Path) -> str:
+    """The text of a file; what is not UTF-8 is replaced."""
+    return path.read_bytes().decode("utf-8", errors="replace")
 
 
 _PHYSICS = ("qpos", "body_", "jnt_", "dof_", "geom_", "site_", "eq_", "tendon_", "wrap_", "actuator_", "key_")
