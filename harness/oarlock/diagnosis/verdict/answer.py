@@ -23,6 +23,9 @@ _BECAUSE = {
 _BEYOND = ("A2", "C3", "C4", "C5", "L9", "L10", "S2", "S3", "S5", "S7", "U4", "U5")
 """What no settings mend: something else in the file has to be another one."""
 
+_PREDICATES = ("is ", "stands ", "stays ", "cannot ", "gives ")
+"""How a line begins of which the element is the subject."""
+
 
 def answer(exam: Examination, findings: Sequence[Finding]) -> str:
     """One sentence on top of everything else; which run and which start it is about stands beside it."""
@@ -44,7 +47,10 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
 
 
 def _own(finding: Finding) -> str:
-    return f"{quoted(finding.element)}: {finding.line}" if finding.element else finding.line
+    if not finding.element:
+        return finding.line
+    colon = "" if finding.line.startswith(_PREDICATES) else ":"
+    return f"{quoted(finding.element)}{colon} {finding.line}"
 
 
 def _worst(exam: Examination) -> Drift | None:
