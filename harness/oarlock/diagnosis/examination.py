@@ -300,10 +300,14 @@ def _collisions(found: Examination) -> None:
 
 
 def _data(found: Examination) -> mujoco.MjData:
-    """The start, with flexes let go: their rows are not looked at."""
+    """The start with the controls that are constant, and with flexes let go: their rows are not looked at."""
     data = mujoco.MjData(found.model)
     data.eq_active[flex_equalities(found.model)] = 0
     data.qpos[:], data.qvel[:], data.act[:] = found.qpos, found.qvel, found.act
+    parsed = found.laws.parsed() if isinstance(found.laws, controls.Laws) else {}
+    for index, name in enumerate(controls.actuators(found.model)):
+        if name in parsed and parsed[name].is_constant:
+            data.ctrl[index] = parsed[name].at(0.0)
     return data
 
 

@@ -54,6 +54,17 @@ def test_the_answer_is_one_line_about_the_worst_finding(name: str):
         assert findings[0].line in said
 
 
+@pytest.mark.parametrize(
+    ("name", "begins"),
+    [
+        ("unreachable.xml", "'pin' is short by "),
+        ("two_walls.xml", "'left' cannot hold together with 'right': short by "),
+    ],
+)
+def test_the_answer_names_its_element_once(name, begins):
+    assert answer(*as_it_is(name)).startswith(begins)
+
+
 def test_a_model_that_holds_says_so():
     exam, findings = as_it_is("contacts.xml")
     exam = replace(exam, options=CheckOptions(target=1.0, duration=1.0, budget=0))

@@ -55,7 +55,7 @@ def only(findings: list[Finding], code: str) -> Finding:
     return one
 
 
-LINTED = {"A1", "A2", "C4", "L8", "L9", "L10", "L11", "L12", "S5", "S6", "S7", "T6"}
+LINTED = {"A1", "A2", "A3", "C4", "L8", "L9", "L10", "L11", "L12", "L13", "S5", "S6", "S7", "T6"}
 """Codes of findings that need no run."""
 
 # The whole table.
@@ -182,10 +182,13 @@ def test_a_check_says_what_a_lint_says(name):
 def test_a_model_whose_equalities_are_all_switched_off(tmp_path):
     text = (CHECK / "contacts.xml").read_text()
     assert "<connect " in text
-    for number, switched in enumerate(
+    for number, (switched, by) in enumerate(
         [
-            text.replace("<connect ", '<connect active="false" '),
-            text.replace("<option ", '<option><flag equality="disable"/></option><option '),
+            (text.replace("<connect ", '<connect active="false" '), 'active="false"'),
+            *(
+                (text.replace("<option ", f"<option>{flag}</option><option "), flag)
+                for flag in ('<flag equality="disable"/>', '<flag constraint="disable"/>')
+            ),
         ]
     ):
         file = tmp_path / f"off_{number}.xml"
@@ -193,7 +196,9 @@ def test_a_model_whose_equalities_are_all_switched_off(tmp_path):
         exam = examined(file)
         findings = judge(exam)
         assert only(findings, "L1").severity == "error"
+        assert only(findings, "L1").line.startswith(f"the only equality, 'ground pin', is switched off by {by}: ")
         assert only(findings, "L6").element == "ground pin"
+        assert only(findings, "L6").line.startswith(f"is switched off by {by}: ")
         assert "no active equality" in exam.missing["run"] or "switched off" in exam.missing["run"]
         assert only(judge(exam, fail_above=1e-3), "D7").line.startswith("there is no run to measure")
 
@@ -238,9 +243,9 @@ def test_a_redundant_equality_is_named_once(tmp_path):
 @pytest.mark.parametrize(
     ("name", "line"),
     [
-        ("unreachable.xml", "'pin' is short by 0.1000 m"),
-        ("short_arm.xml", "'pin' is short by 0.1000 m"),
-        ("two_walls.xml", "'left' and 'right' cannot hold together: short by 0.1000 m"),
+        ("unreachable.xml", "is short by 0.1000 m"),
+        ("short_arm.xml", "is short by 0.1000 m"),
+        ("two_walls.xml", "cannot hold together with 'right': short by 0.1000 m"),
     ],
 )
 def test_what_cannot_close_is_an_error_and_no_softness_is_blamed(name, line):

@@ -141,7 +141,8 @@ class Fix:
         if self.mended:
             yield f"mended  {few(list(self.mended))}"
         for finding in self.left:
-            yield f"left  {finding.severity} {finding.code} {finding.name}  {finding.element}: {finding.line}"
+            of = f"{finding.element}: " if finding.element else ""
+            yield f"left  {finding.severity} {finding.code} {finding.name}  {of}{finding.line}"
         if codes := dict.fromkeys(one.code for one in self.left if one.code not in MENDED):
             yield f"left to you, for no change mends it: see {few([f'`oarlock explain {code}`' for code in codes])}"
         for said in filter(None, (self.reason, self.elsewhere_reason)):

@@ -5,18 +5,22 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from oarlock.diagnosis.lint import (
+    absolute,
     collision,
     contradictory,
     defined,
     doubled,
     doubtful,
     drawn,
+    gyration,
+    jump,
     locked,
     opened,
     opposed,
     pin,
     relpose,
     servo,
+    swapped,
     underdamped,
     unit,
 )
@@ -30,6 +34,10 @@ LINTS: dict[str, Callable[[View], Iterator[Remark]]] = {
     "collision": collision.look,
     "servo": servo.look,
     "unit": unit.look,
+    "absolute": absolute.look,
+    "gyration": gyration.look,
+    "jump": jump.look,
+    "swapped": swapped.look,
     "relpose": relpose.look,
     "drawn": drawn.look,
     "doubtful": doubtful.look,

@@ -33,9 +33,7 @@ def look(view: View) -> Iterator[Remark]:
             elif twin := _twin(view, own, one):
                 dof = view.freedom(group, one, _dropped)
                 if dof == 1:
-                    said = (
-                        f"and {quoted(twin.name)} together hold their bodies as a weld does, and nothing of the loop "
-                    )
+                    said = f"with {quoted(twin.name)} it holds its bodies as a weld does, and nothing of the loop "
                     yield _remark(one, f"{said}can move; either of them alone leaves 1 degree of freedom", twin.name)
                     break
 

@@ -1,7 +1,8 @@
-"""S7: a weld whose relative orientation was written in the order x y z w.
+"""S7: a weld whose relpose asks for another pose than the one that is drawn.
 
 MuJoCo's quaternions are w x y z; those of most other programs end with w. A relpose that is read in the other order
-turns the weld by an angle that nothing drawn has, and the identity by half a turn.
+turns the weld by an angle that nothing drawn has, and the identity by half a turn. A position
+that is far from the drawn one is as often a leftover: without a relpose MuJoCo takes the drawn pose.
 """
 
 from collections.abc import Iterator
@@ -10,11 +11,18 @@ import mujoco
 import numpy as np
 
 from oarlock.base.text import quoted
-from oarlock.diagnosis.lint.view import Remark, View, told
+from oarlock.diagnosis.lint.view import Remark, View, point, told
 from oarlock.mechanics.names import Equality
+from oarlock.poses.assembly import anchors
 
 OFF = 0.1
 """rad. A weld that is drawn further off than that was not meant so, or starts open by a little."""
+
+FAR = 0.1
+"""Of the size of the mechanism: a position is further off than a drawing that is not exact."""
+
+ALONG = 0.99
+"""Of a distance: one that lies along an axis to that part is told as that axis."""
 
 FITS = 0.02
 """rad. What three digits of a quaternion leave, and the drawing beside it."""
@@ -35,6 +43,10 @@ def look(view: View) -> Iterator[Remark]:
         fits = [where for where, data in poses.items() if turned(data, one, other) < FITS]
         if fits and min(off.values()) > OFF:
             yield _remark(view, one, given, other, off[fits[0]], fits[0])
+        elif min(off.values()) < FITS and min(_apart(data, one, view) for data in poses.values()) > FAR * view.size:
+            if view.loops.closed:
+                continue  # the drawing is where it begins to be pulled together
+            yield _shifted(view, one, own)
 
 
 def turned(data: mujoco.MjData, one: Equality, relative: np.ndarray) -> float:
@@ -51,6 +63,39 @@ def _remark(view: View, one: Equality, given: np.ndarray, other: np.ndarray, off
         f'MuJoCo\'s quaternions are w x y z; with "{_written(other)}" in place of "{_written(given)}" it fits'
     )
     return Remark("S7", said, one.name, figures={"opening": off, "wanted": other.tolist()})
+
+
+def _apart(data: mujoco.MjData, one: Equality, view: View) -> float:
+    first, second = anchors(view.model, data, one)
+    return float(np.linalg.norm(second - first))
+
+
+def _shifted(view: View, one: Equality, own: mujoco.MjData) -> Remark:
+    """Of a position that is asked for and not drawn."""
+    model = view.model
+    first, second = anchors(model, own, one)
+    frame, origin = own.xmat[one.bodies[0]].reshape(3, 3), own.xpos[one.bodies[0]]
+    asked, drawn = frame.T @ (first - origin), frame.T @ (second - origin)
+    gap = asked - drawn
+    size = float(np.linalg.norm(gap))
+    main = int(np.abs(gap).argmax())
+    way = f" along {'xyz'[main]}" if abs(gap[main]) >= ALONG * size else ""
+    names = [quoted(view.body(body)) for body in one.bodies]
+    left = _apart_without(view, one, drawn)
+    closed = "closed" if left <= FAR * view.size else f"open by {told(left)} m"
+    said = (
+        f"relpose asks for {told(size)} m{way} between {names[0]} and {names[1]} that are not drawn: for "
+        f"{point(asked)} of {names[0]}, where {point(drawn)} is drawn; without relpose it is closed as drawn, and "
+        f"{closed} at the start"
+    )
+    return Remark("S7", said, one.name, figures={"opening": size, "wanted": drawn.tolist()})
+
+
+def _apart_without(view: View, one: Equality, drawn: np.ndarray) -> float:
+    """How far it is open at the start with the relative position (3) that is drawn, m."""
+    body, data = one.bodies[0], view.data
+    place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ drawn
+    return float(np.linalg.norm(anchors(view.model, data, one)[1] - place))
 
 
 def _written(quaternion: np.ndarray) -> str:

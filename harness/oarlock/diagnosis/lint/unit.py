@@ -7,6 +7,7 @@ that are plain ones as what they are then taken for.
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -15,6 +16,7 @@ from oarlock.base.errors import few
 from oarlock.diagnosis.lint.view import JOINT, Remark, View
 from oarlock.mechanics.coupled import coupled_ids
 from oarlock.mechanics.names import Equality, element_name
+from oarlock.mechanics.servos import servos
 from oarlock.stepping.closing import CONSISTENT
 
 TURN = 2.0 * math.pi
@@ -64,6 +66,7 @@ def radians(value: float) -> bool:
 def look(view: View) -> Iterator[Remark]:
     """A remark a sort of number and a wrong unit, with all elements that have it."""
     yield from _of_joints(view)
+    yield from _of_told(view)
     yield from _of_controls(view)
     yield from _of_couplings(view)
     yield from _of_keyframes(view)
@@ -108,28 +111,42 @@ def _of_joints(view: View) -> Iterator[Remark]:
 def _of_controls(view: View) -> Iterator[Remark]:
     """What position servos on hinges may be told: where it leads to, beside what the joint can do."""
     model, found = view.model, []
-    joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-    for index in range(model.nu):
-        joint, stiffness = int(model.actuator_trnid[index, 0]), -float(model.actuator_biasprm[index, 1])
-        servo = model.actuator_biastype[index] == mujoco.mjtBias.mjBIAS_AFFINE and stiffness > 0.0
-        if not servo or model.actuator_trntype[index] not in joints or model.jnt_type[joint] != _HINGE:
+    for one in servos(model):
+        if not model.actuator_ctrllimited[one.index] or model.jnt_type[one.joint] != _HINGE:
             continue
-        gear = float(model.actuator_gear[index, 0])
-        if not model.actuator_ctrllimited[index] or not gear:
-            continue
-        reached = model.actuator_ctrlrange[index] * float(model.actuator_gainprm[index, 0]) / (stiffness * gear)
-        ends = [float(end) for end in reached if abs(end) > 1e-6]
-        limit = float(np.abs(model.jnt_range[joint]).max()) if model.jnt_limited[joint] else TURN
-        if ends and all(abs(end) > max(limit, TURN) and degrees(end) for end in ends):
-            name = element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index)
-            found.append((name, *model.actuator_ctrlrange[index].tolist(), max(map(abs, ends)), joint))
+        low, high = model.actuator_ctrlrange[one.index].tolist()
+        ends = [end for end in map(one.reached, (low, high)) if abs(end) > 1e-6]
+        if ends and all(abs(end) > max(_limit(model, one.joint), TURN) and degrees(end) for end in ends):
+            found.append((one.name, low, high, max(map(abs, ends)), one.joint))
     if found:
-        name, low, high, most, joint = found[0]
+        _, low, high, most, joint = found[0]
         said = (
             f"{low:g} {high:g} leads the hinge '{element_name(model, JOINT, joint)}' {most / TURN:.3g} turns away: a "
             "ctrlrange is in radians, degrees were meant?"
         )
         yield _remark("ctrlrange", [one[0] for one in found], said)
+
+
+def _limit(model: mujoco.MjModel, joint: int) -> float:
+    return float(np.abs(model.jnt_range[joint]).max()) if model.jnt_limited[joint] else TURN
+
+
+def _of_told(view: View) -> Iterator[Remark]:
+    """What the run itself tells position servos on hinges; the loops that they drive stand open because of it."""
+    model, found = view.model, []
+    for one in servos(model):
+        control = one.told(model, float(view.data.ctrl[one.index]))
+        reached = one.reached(control)
+        if model.jnt_type[one.joint] == _HINGE and degrees(reached) and abs(reached) > _limit(model, one.joint):
+            found.append((one, control, reached))
+    if found:
+        one, control, reached = found[0]
+        said = (
+            f"{control:g} leads the hinge '{element_name(model, JOINT, one.joint)}' {abs(reached) / TURN:.3g} turns "
+            f"away: controls are in radians, degrees were meant? {control:g}° are {math.radians(control):.6g}"
+        )
+        remark = _remark("ctrl", [each.name for each, *_ in found], said)
+        yield replace(remark, figures={**remark.figures, "loops": view.around(each.joint for each, *_ in found)})
 
 
 def _of_couplings(view: View) -> Iterator[Remark]:

@@ -1,7 +1,7 @@
 """A model at its start as lints look at it, and what they have to say of it."""
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
@@ -43,7 +43,8 @@ class View:
 
     Attributes:
         model: the user's; left alone.
-        data: its own data at the start; all that belongs to a position is valid.
+        data: its own data at the start; all that belongs to a position is valid. Its controls are those of the run
+            as far as they are constant, else 0.
         equalities: those that are active there.
     """
 
@@ -52,6 +53,7 @@ class View:
         self.model, self.data, self._pose = model, mujoco.MjData(model), pose
         self.data.qpos[:], self.data.qvel[:], self.data.eq_active[:] = data.qpos, data.qvel, data.eq_active
         self.data.mocap_pos[:], self.data.mocap_quat[:] = data.mocap_pos, data.mocap_quat
+        self.data.ctrl[:] = data.ctrl
         with collected_warnings():  # what MuJoCo's memory does not suffice for, the run tells
             mujoco.mj_fwdPosition(model, self.data)
             mujoco.mj_fwdVelocity(model, self.data)
@@ -107,6 +109,13 @@ class View:
     def tilts(self, names: set[str]) -> tuple[Tilt, ...]:
         """Joints of some loops that alone are not in the plane of most."""
         return find_tilts(self.assembly, names)
+
+    def around(self, joints: Iterable[int]) -> list[str]:
+        """Names of the equalities whose loops, or those that share joints with them, pass one of some joints."""
+        if not self.equalities:
+            return []
+        names = {element_name(self.model, JOINT, joint) for joint in joints}
+        return [name for group in self.loops.groups if names & {*group.joints} for name in group.equalities]
 
     def body(self, index: int) -> str:
         """Name of a body."""

@@ -81,13 +81,28 @@ class Culprits:
         """Their names."""
         return tuple(opening.equality for opening in self.openings)
 
+    def of_first(self) -> str:
+        """What is said of the first of them, where its name stands beside it."""
+        if self.alone:
+            first, *others = self.openings
+            return "; ".join([f"is short by {first}", *map(_short, others)])
+        others = " and ".join(quoted(name) for name in self.equalities[1:])
+        return f"cannot hold together with {others}: {self._together()}"
+
     def __str__(self) -> str:
         if self.alone:
-            return "; ".join(f"{quoted(opening.equality)} is short by {opening}" for opening in self.openings)
+            return "; ".join(map(_short, self.openings))
         names = " and ".join(quoted(name) for name in self.equalities)
+        return f"{names} cannot hold together: {self._together()}"
+
+    def _together(self) -> str:
         short = sum(opening.largest for opening in self.openings)
         unit = "m" if any(opening.metres for opening in self.openings) else "rad"
-        return f"{names} cannot hold together: short by {short:#.4g} {unit}"
+        return f"short by {short:#.4g} {unit}"
+
+
+def _short(opening: Opening) -> str:
+    return f"{quoted(opening.equality)} is short by {opening}"
 
 
 def openings_of(assembly: Assembly, residual: np.ndarray, rates: bool = False) -> tuple[Opening, ...]:

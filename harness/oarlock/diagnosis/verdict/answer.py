@@ -7,7 +7,7 @@ from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.runs.drifts import Drift
 from oarlock.diagnosis.verdict.blame import held
-from oarlock.diagnosis.verdict.cost import metres
+from oarlock.diagnosis.verdict.cost import metres, named
 from oarlock.diagnosis.verdict.findings import Finding, worst_first
 
 _BECAUSE = {
@@ -20,8 +20,11 @@ _BECAUSE = {
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
-_BEYOND = ("A2", "C3", "C4", "C5", "L9", "L10", "S2", "S3", "S5", "S7", "U4", "U5")
+_BEYOND = ("A2", "A3", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
 """What no settings mend: something else in the file has to be another one."""
+
+_PREDICATES = ("is ", "stands ", "stays ", "cannot ", "gives ")
+"""How a line begins of which the element is the subject."""
 
 
 def answer(exam: Examination, findings: Sequence[Finding]) -> str:
@@ -44,7 +47,10 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
 
 
 def _own(finding: Finding) -> str:
-    return f"{quoted(finding.element)}: {finding.line}" if finding.element else finding.line
+    if not finding.element:
+        return finding.line
+    colon = "" if finding.line.startswith(_PREDICATES) else ":"
+    return f"{quoted(finding.element)}{colon} {finding.line}"
 
 
 def _worst(exam: Examination) -> Drift | None:
@@ -56,7 +62,7 @@ def _cause(worst: Drift, bad: Sequence[Finding]) -> Finding:
     """The worst finding, unless it is a softer one of another equality than the one that opens furthest."""
     if bad[0].severity == "error":
         return bad[0]
-    own = [one for one in bad if worst.equality in (one.element, *one.figures.get("also", ()))]
+    own = [one for one in bad if worst.equality in named(one)]
     return max((*own[:1], bad[0]), key=lambda one: one.cost)
 
 

@@ -13,7 +13,7 @@ from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
 
-_CAUSES = ("A1", "A2", "C4", "C5", "D6", "D8", "S3", "S5", "S7", "U4", "U5")
+_CAUSES = ("A1", "A2", "A3", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
 
@@ -26,7 +26,7 @@ def priced(exam: Examination, findings: Iterable[Finding]) -> list[Finding]:
 
 def _less(finding: Finding, causes: Sequence[Finding]) -> Finding:
     """Without what causes behind it cost the same equality."""
-    behind = [one.cost for one in causes if finding.element in (one.element, *one.figures.get("also", ()))]
+    behind = [one.cost for one in causes if finding.element in named(one)]
     return replace(finding, cost=max(0.0, finding.cost - max(behind, default=0.0)))
 
 
@@ -38,6 +38,11 @@ def cost(exam: Examination, finding: Finding) -> float:
     of = _COSTS.get(finding.code)
     value = 0.0 if of is None else of(exam, finding)
     return value if math.isfinite(value) else math.inf
+
+
+def named(finding: Finding) -> set[str]:
+    """The elements that a finding is about, and the equalities of the loops that they move."""
+    return {finding.element, *finding.figures.get("also", ()), *finding.figures.get("loops", ())}
 
 
 def metres(exam: Examination, distance: float | None, angle: float | None) -> float:
@@ -92,8 +97,8 @@ def _figure(name: str) -> Callable[[Examination, Finding], float]:
 
 def _whole(exam: Examination, finding: Finding) -> float:
     """All that the equalities that are named open by."""
-    named = {finding.element, *finding.figures.get("also", ())}
-    every = [one for one in exam.drifts if one.level == "position" and one.equality in named]
+    names = named(finding)
+    every = [one for one in exam.drifts if one.level == "position" and one.equality in names]
     return max((metres(exam, one.metres, one.radians) for one in every), default=0.0)
 
 
@@ -103,6 +108,8 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "T2": _blown,
     "D6": _solver,
     "A2": _whole,
+    "A3": _whole,
+    "L13": _whole,
     "D8": _whole,
     "S3": _whole,
     "S7": _whole,

@@ -4,7 +4,7 @@ What a code means and how it is measured stands in ``findings.toml``; the bounds
 a run shows, in ``blame``.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import mujoco
 import numpy as np
@@ -28,7 +28,13 @@ from oarlock.mechanics.names import element_name
 _PAIRS = 3
 """So many pairs of rows that say the same are named."""
 
-_JOINT = mujoco.mjtObj.mjOBJ_JOINT
+_JOINT, _EQUALITY = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_EQUALITY
+
+_OFF = {
+    '<flag equality="disable"/>': int(mujoco.mjtDisableBit.mjDSBL_EQUALITY),
+    '<flag constraint="disable"/>': int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT),
+}
+"""What switches all equalities off."""
 
 
 def judge(examination: Examination, fail_above: float | None = None) -> list[Finding]:
@@ -96,16 +102,18 @@ def _unsaid(exam: Examination, findings: Iterable[Finding]) -> Iterator[Finding]
 def _loops(exam: Examination) -> Iterator[Finding]:
     model, file = exam.model, exam.file
     data = mujoco.MjData(model)
-    off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EQUALITY)
-    for index in np.flatnonzero(~data.eq_active.astype(bool) | off):
-        name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(index))
-        yield found("L6", file, "it is switched off: nothing here counts it", element=name)
+    flag = next((name for name, bit in _OFF.items() if model.opt.disableflags & bit), "")
+    idle = [int(index) for index in np.flatnonzero(~data.eq_active.astype(bool) | bool(flag))]
+    for index in idle:
+        own = "" if data.eq_active[index] else 'active="false"'
+        by = " and ".join(part for part in (own, flag) if part)
+        name = element_name(model, _EQUALITY, index)
+        yield found("L6", file, f"is switched off by {by}: nothing here counts it", element=name)
     if exam.pose is None:
         return
     loops = exam.pose.loops
-    if off or loops.rank == 0:
-        why = "equalities are switched off" if off or not loops.loops else "none of its rows holds anything"
-        yield found("L1", file, f"{model.neq} equalities, and {why}", equalities=model.neq)
+    if flag or loops.rank == 0:
+        yield found("L1", file, _no_row(model, idle, flag), equalities=model.neq)
         return
     for loop in loops.loops:
         if loop.zero_rows:
@@ -134,6 +142,23 @@ def _loops(exam: Examination) -> Iterator[Finding]:
             said = f"could be left out, and the mechanism would move the same way{one_of}"
             yield found("L7", file, said, element=own[0], also=own[1:])
         yield from _dependent(exam, group, set(own))
+
+
+def _no_row(model: mujoco.MjModel, idle: Sequence[int], flag: str) -> str:
+    """Why no equality has a row, by those that are switched off and the flag that does it."""
+    if not model.neq:
+        return "the model has no equality"
+    names = [quoted(element_name(model, _EQUALITY, index)) for index in range(model.neq)]
+    one = model.neq == 1
+    which = f"the only equality, {names[0]}," if one else f"all {model.neq} equalities, {few(names, last='and')},"
+    if flag:
+        return f"{which} {'is' if one else 'are'} switched off by {flag}: leave that out of <option>"
+    if len(idle) == model.neq:
+        return (
+            f'{which} {"is" if one else "are"} switched off by active="false": write active="true" where it is to count'
+        )
+    said = f"no row of {which} holds anything"
+    return f"{said}; {len(idle)} of them {'is' if len(idle) == 1 else 'are'} switched off" if idle else said
 
 
 def _zero(rows: tuple[str, ...], count: int, planar: bool) -> str:
@@ -168,7 +193,7 @@ def _start(exam: Examination) -> Iterator[Finding]:
     tilts = [f"the axis of {quoted(one.joint)} is tilted by {one.radians:.3g} rad" for one in pose.tilts]
     if not pose.closed:
         for culprit in pose.culprits:
-            said = "; ".join([str(culprit), *tilts])
+            said = "; ".join([culprit.of_first(), *tilts])
             yield found("S2", file, said, element=culprit.equalities[0], gap=max(o.largest for o in culprit.openings))
         if not pose.culprits:
             worst = max(pose.left, key=lambda one: one.largest)
