@@ -242,7 +242,7 @@ def test_fast_four_bar_goes_over_to_runge_kutta_where_euler_would_need_ten_times
     assert found.chosen.setting.integrator == "rk4"
     assert found.chosen.setting.timestep_s == 1e-3
     assert found.chosen.cost == 4.0
-    assert found.reason == "rk4 in place of euler, at the same timestep"
+    assert found.reason == "stiffer equalities and rk4 in place of euler, at the same timestep"
     assert found.chosen.energy_error < 1e-2 * found.authored.energy_error
     at_the_same_step = next(trial for trial in found.trials if trial.label == "deadbeat, euler")
     assert math.sqrt(at_the_same_step.drift / 0.7e-6) > 8.0

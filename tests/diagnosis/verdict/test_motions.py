@@ -2,13 +2,16 @@
 
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import oarlock
 import pytest
+from oarlock.diagnosis import examination
 from oarlock.diagnosis.options import usual_target
+from oarlock.diagnosis.runs.exact import record_exact
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.mechanics.load import collected_warnings
 from places import FIXTURES
@@ -210,6 +213,34 @@ def test_what_spins_a_loop_is_named_with_its_torque(tmp_path):
     assert one.figures["force"] == pytest.approx(4.0)
     file.write_text(SPUN.replace("GEAR", "0.08"))
     assert "D8" not in findings(file, budget=0)
+
+
+@pytest.mark.parametrize("lost", ["open", "not known"])
+def test_a_lost_exact_run_tells_nothing_of_a_motion(tmp_path, monkeypatch, lost):
+    """MuJoCo's run turns slowly; an exact one that left its constraints, or its own estimate, turns fast."""
+    file = tmp_path / "spun.xml"
+    file.write_text(SPUN.replace("GEAR", "0.08"))
+
+    def record_lost(*given, **options):
+        run = record_exact(*given, **options)
+        after = run.time > run.time[-1] / 2
+        wild = run.qpos + np.where(after, np.arange(len(run.time)), 0.0)[:, None]
+        if lost == "open":
+            return replace(run, qpos=wild, drift=run.drift + np.where(after, 0.1, 0.0)[:, None])
+        return replace(run, qpos=wild, error=np.where(after, np.inf, run.error))
+
+    trusted = oarlock.check(file, budget=0)
+    assert trusted.examination.exact is not None
+    monkeypatch.setattr(examination, "record_exact", record_lost)
+    checked = oarlock.check(file, budget=0, target=1e-9)
+    _, poses, _ = plain(file)
+    most = float(np.abs(np.diff(poses, axis=0)).max() / 0.001)
+    assert checked.examination.pace.rate == pytest.approx(most, rel=SAME_RUN)
+    assert "D8" not in {one.code for one in checked.verdict}
+    assert checked.examination.exact is None
+    assert not checked.examination.determined
+    said = {"open": "it stands open by 0.1 m or rad", "not known": "a walk at half the timestep goes elsewhere"}
+    assert said[lost] in checked.examination.missing["exact"]
 
 
 def test_the_share_of_time_stepping_is_what_a_quarter_of_the_timestep_leaves():
