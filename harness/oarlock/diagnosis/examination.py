@@ -336,7 +336,10 @@ def _run(found: Examination) -> None:
         found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
-            found.dead_point = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
+            dead = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
+            stuck = {name for one in found.pose.mobility if one.locked for name in one.equalities}
+            # What is locked (S3) never leaves its start, and comes to no dead point.
+            found.dead_point = dead if dead is not None and stuck.isdisjoint(dead.equalities) else None
 
 
 def _exact_model(found: Examination) -> mujoco.MjModel:
