@@ -273,6 +273,8 @@ class _Search:
     def _best(self, own: str, timestep: float) -> Trial | None:
         """The cheapest trial that holds, or the one that opens least."""
         families: list[_Family] = [("deadbeat", own)] + ([("critical", own)] if own == CONSERVING else [])
+        if own == CONSERVING and not math.isfinite(self._trials[0].drift):  # Euler bears joints' damping, and it not
+            families.insert(0, ("deadbeat", "euler"))
         first = {family: self._first(family, timestep) for family in families}
         if any(trial is not None and trial.drift <= self._target for trial in first.values()):
             return self._cheapest(self._own_trials())

@@ -144,7 +144,8 @@ def _loops(exam: Examination) -> Iterator[Finding]:
         if every:
             continue
         own = [loop.name for loop in loops.loops if loop.group == number and loop.removable]
-        if own:
+        stuck = any(one.locked and one.equalities == group.equalities for one in exam.pose.mobility)
+        if own and not stuck:  # what rows do not hold at a pose may hold all around it, and lock it there (S3)
             one_of = f"; so could be {in_words(own[1:])}, one at a time" if own[1:] else ""
             said = f"could be left out, and the mechanism would move the same way{one_of}"
             yield found("L7", file, said, element=own[0], also=own[1:])
