@@ -56,6 +56,7 @@ NAMES = {
     "S7": "relpose",
     "A1": "servo",
     "A2": "unit",
+    "A4": "stiff-damping",
     "T6": "under-damped",
     "V1": "version",
     "V2": "sparse-newton",

@@ -7,6 +7,7 @@ import numpy as np
 from oarlock.diagnosis.lint import (
     collision,
     contradictory,
+    damper,
     defined,
     doubled,
     doubtful,
@@ -29,6 +30,7 @@ LINTS: dict[str, Callable[[View], Iterator[Remark]]] = {
     "pin": pin.look,
     "collision": collision.look,
     "servo": servo.look,
+    "damper": damper.look,
     "unit": unit.look,
     "relpose": relpose.look,
     "drawn": drawn.look,
