@@ -319,10 +319,9 @@ def _run(found: Examination) -> None:
         with _Reason(found, "exact"):
             model, pose = _exact_model(found), found.pose
             found.exact = record_exact(model, pose.qpos, pose.qvel, found.laws, found.steps, act=found.act)
-            end = found.exact.end
-            if end.how == "diverged":  # what it showed before proves nothing
+            if doubt := found.exact.doubt:
                 found.exact = None
-                found.missing["exact"] = f"it diverged at t = {end.time_s:.6g} s: {end.message}"
+                found.missing["exact"] = doubt
             elif not found.moved:
                 found.fight = find_fight(found.model, found.exact)
         data = _data(found)
@@ -338,10 +337,13 @@ def _run(found: Examination) -> None:
             least = max(found.target, VISIBLE)
             found.stopped = find_stopped(found.recording, found.drifts, found.pose.loops, least)
         found.lags = find_lags(found.recording, VISIBLE)
-        found.pace = find_pace(found.recording, found.exact, found.pose.loops)
+        found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
-            found.dead_point = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
+            dead = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
+            stuck = {name for one in found.pose.mobility if one.locked for name in one.equalities}
+            # What is locked (S3) never leaves its start, and comes to no dead point.
+            found.dead_point = dead if dead is not None and stuck.isdisjoint(dead.equalities) else None
 
 
 def _exact_model(found: Examination) -> mujoco.MjModel:

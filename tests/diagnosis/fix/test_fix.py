@@ -389,3 +389,18 @@ def test_a_fixed_file_is_what_it_says(source, tmp_path):
         <= max(fix.after.drift, fix.target)
         or fix.elsewhere_reason
     )
+
+
+def test_a_limit_that_is_pushed_in_is_not_mended(tmp_path):
+    """Stiff rows close the coupling by driving the jaw beyond its range, which plain MuJoCo shows."""
+    out = tmp_path / "pushed.xml"
+    made = oarlock.check(FIXTURES / "check" / "short_range.xml").fix(out)
+    model = mujoco.MjModel.from_xml_path(str(out))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+    assert data.joint("jaw").qpos[0] > model.joint("jaw").range[1] + 3e-3
+    assert "C5" not in made.mended
+    (one,) = (one for one in made.left if one.code == "C5")
+    assert "widen the range of 'jaw' to 0.02" in one.line

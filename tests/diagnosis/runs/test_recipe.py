@@ -237,12 +237,37 @@ def test_boat_is_held_below_a_micrometre_at_the_same_timestep():
     assert "not tried" not in found.reason
 
 
+DAMPED = """<mujoco><option timestep="0.002" integrator="RK4"/><worldbody>
+  <body><joint name="a" axis="0 1 0" damping="0.5"/><inertial pos="0 0 -0.1" mass="0.01" diaginertia="1e-5 1e-5 1e-5"/>
+  </body><body><joint name="b" axis="0 1 0" damping="0.5"/>
+  <inertial pos="0 0 -0.1" mass="0.01" diaginertia="1e-5 1e-5 1e-5"/></body></worldbody>
+  <equality><joint name="alike" joint1="a" joint2="b" solref="SOLREF"/></equality></mujoco>"""
+
+
+def test_euler_is_tried_where_runge_kutta_does_not_bear_the_damping_of_joints():
+    """h d/I is 9, beyond the 2.785 of the method; Euler takes that damping at the end of a step."""
+    model = mujoco.MjModel.from_xml_string(DAMPED.replace("SOLREF", "0.02 1"))
+    found = recipe(model, Start(np.zeros(2), np.array([0.5, 0.5])), {}, 1e-5, 1.0)
+    assert not math.isfinite(found.authored.drift)
+    assert found.reached
+    assert found.chosen.setting.integrator == "euler"
+    assert found.reason == "stiffer equalities and euler in place of rk4, at the same timestep"
+
+
+def test_direct_numbers_that_are_too_stiff_are_not_called_stiffened():
+    model = mujoco.MjModel.from_xml_string(DAMPED.replace("RK4", "Euler").replace("SOLREF", "-1e9 -1e5"))
+    found = recipe(model, Start(np.zeros(2), np.array([0.5, 0.4])), {}, 1e-2, 1.0)
+    assert not math.isfinite(found.authored.drift) or found.authored.drift > found.target
+    assert 'in place of "-1e+09 -100000"' in found.reason
+    assert "stiffer" not in found.reason
+
+
 def test_fast_four_bar_goes_over_to_runge_kutta_where_euler_would_need_ten_times_the_steps():
     found = recipe_of("four_bar", 1e-6)
     assert found.chosen.setting.integrator == "rk4"
     assert found.chosen.setting.timestep_s == 1e-3
     assert found.chosen.cost == 4.0
-    assert found.reason == "rk4 in place of euler, at the same timestep"
+    assert found.reason == "stiffer equalities and rk4 in place of euler, at the same timestep"
     assert found.chosen.energy_error < 1e-2 * found.authored.energy_error
     at_the_same_step = next(trial for trial in found.trials if trial.label == "deadbeat, euler")
     assert math.sqrt(at_the_same_step.drift / 0.7e-6) > 8.0

@@ -58,6 +58,7 @@ NAMES = {
     "A1": "servo",
     "A2": "unit",
     "A3": "jump",
+    "A4": "stiff-damping",
     "T6": "under-damped",
     "V1": "version",
     "V2": "sparse-newton",

@@ -2,13 +2,16 @@
 
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import oarlock
 import pytest
+from oarlock.diagnosis import examination
 from oarlock.diagnosis.options import usual_target
+from oarlock.diagnosis.runs.exact import record_exact
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.mechanics.load import collected_warnings
 from places import FIXTURES
@@ -210,6 +213,34 @@ def test_what_spins_a_loop_is_named_with_its_torque(tmp_path):
     assert one.figures["force"] == pytest.approx(4.0)
     file.write_text(SPUN.replace("GEAR", "0.08"))
     assert "D8" not in findings(file, budget=0)
+
+
+@pytest.mark.parametrize("lost", ["open", "not known"])
+def test_a_lost_exact_run_tells_nothing_of_a_motion(tmp_path, monkeypatch, lost):
+    """MuJoCo's run turns slowly; an exact one that left its constraints, or its own estimate, turns fast."""
+    file = tmp_path / "spun.xml"
+    file.write_text(SPUN.replace("GEAR", "0.08"))
+
+    def record_lost(*given, **options):
+        run = record_exact(*given, **options)
+        after = run.time > run.time[-1] / 2
+        wild = run.qpos + np.where(after, np.arange(len(run.time)), 0.0)[:, None]
+        if lost == "open":
+            return replace(run, qpos=wild, drift=run.drift + np.where(after, 0.1, 0.0)[:, None])
+        return replace(run, qpos=wild, error=np.where(after, np.inf, run.error))
+
+    trusted = oarlock.check(file, budget=0)
+    assert trusted.examination.exact is not None
+    monkeypatch.setattr(examination, "record_exact", record_lost)
+    checked = oarlock.check(file, budget=0, target=1e-9)
+    _, poses, _ = plain(file)
+    most = float(np.abs(np.diff(poses, axis=0)).max() / 0.001)
+    assert checked.examination.pace.rate == pytest.approx(most, rel=SAME_RUN)
+    assert "D8" not in {one.code for one in checked.verdict}
+    assert checked.examination.exact is None
+    assert not checked.examination.determined
+    said = {"open": "it stands open by 0.1 m or rad", "not known": "a walk at half the timestep goes elsewhere"}
+    assert said[lost] in checked.examination.missing["exact"]
 
 
 def test_the_share_of_time_stepping_is_what_a_quarter_of_the_timestep_leaves():
@@ -442,3 +473,71 @@ def test_the_usual_target_grows_with_the_loops(scale, expected):
 def test_a_target_of_ones_own_is_taken_as_it_is():
     assert oarlock.check(CHECK / "torn_linkage.xml", budget=0).document()["target"] == pytest.approx(5.5e-5)
     assert oarlock.check(CHECK / "torn_linkage.xml", budget=0, target=3e-7).document()["target"] == 3e-7
+
+
+# What only looks as if it moved.
+
+STEERING = """
+<mujoco>
+  <option timestep="0.001" gravity="0 0 0"/>
+  <default><joint axis="0 0 1" damping="0.1"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body pos="0 0.4 0"><joint name="left"/><geom fromto="0 0 0 -0.15 -0.06 0"/>
+      <body name="rod" pos="-0.15 -0.06 0"><joint name="rod"/><geom fromto="0 0 0 0 -0.68 0"/></body></body>
+    <body name="right" pos="0 -0.4 0"><joint name="right"/><geom fromto="0 0 0 -0.15 0.06 0"/></body>
+  </worldbody>
+  <equality>
+    <connect name="end" body1="rod" body2="right" anchor="0 -0.68 0"/>
+    <joint name="alike" joint1="left" joint2="right"/>
+  </equality>
+  <actuator><position name="steer" joint="left" kp="60" kv="5"/></actuator>
+  <keyframe><key ctrl="0.5"/></keyframe>
+</mujoco>
+"""
+
+
+def test_what_is_locked_comes_to_no_dead_point(tmp_path):
+    """A trapezium turns its two sides by other angles: a coupling by the ratio 1 admits its start alone."""
+    file = tmp_path / "steering.xml"
+    file.write_text(STEERING)
+    found = findings(file, budget=0)
+    assert not found.keys() & {"U4", "L7"}
+    assert "it would move without 'end' or 'alike'" in found["S3"].line
+    for name in ("end", "alike"):
+        rest = "".join(line for line in STEERING.splitlines(True) if f'name="{name}"' not in line)
+        free = tmp_path / f"{name}.xml"
+        free.write_text(rest)
+        assert abs(plain(free)[1][-1, 0]) > 0.4
+        assert "S3" not in findings(free, budget=0)
+
+
+DRUM = """
+<mujoco>
+  <option timestep="0.002" gravity="0 0 0"/>
+  <default><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body><joint name="rotor" axis="0 0 1"/><inertial pos="0 0 0" mass="0.01" diaginertia="1e-6 1e-6 1e-6"/></body>
+    <body pos="1 0 0"><joint name="drum" axis="0 0 1" damping="0.1"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body>
+  </worldbody>
+  <equality><joint name="rope" joint1="rotor" joint2="drum" polycoef="0 5 0 0 0"/></equality>
+  <actuator><position name="servo" joint="rotor" kp="0.5" kv="KV"/></actuator>
+  <keyframe><key ctrl="0.3"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("kv", "lasts"), [("0.01", True), ("0.02", False)])
+def test_a_servo_is_said_to_diverge_only_where_the_run_did(tmp_path, kv, lasts):
+    """Alone the rotor bears neither; the drum holds it with the smaller one, and plain MuJoCo stays finite."""
+    file = tmp_path / "drum.xml"
+    file.write_text(DRUM.replace("KV", kv))
+    poses = plain(file)[1]
+    assert bool(np.isfinite(poses).all() and np.abs(poses).max() < 1.0) == lasts
+    one = findings(file, budget=0)["A1"]
+    assert one.severity == ("warning" if lasts else "error")
+    assert ("the run diverges" in one.line) == (not lasts)
+    assert ("stable with" in one.line) == (not lasts)
+    unrun = findings(file, lint=True)["A1"]
+    assert "the run diverges" not in unrun.line
+    assert "unstable by itself" in unrun.line

@@ -88,6 +88,7 @@ FOUND = {
     "pin_collision.xml": {"C4", "C1", "D1", "R2", "U3", "L3", "T1"},
     "ringing.xml": {"L11", "L12", "T6", "L2", "D1", "U1", "L3", "L4", "T1", "D4"},
     "stiff_servo.xml": {"A1", "R1", "L3", "T1"},
+    "stiff_damping.xml": {"A4", "R1", "T1"},
     "short_range.xml": {"C5", "D1", "D5", "R2", "T1"},
     "two_walls.xml": {"S2"},
     "welded_pin.xml": {"L10", "L3", "T1"},

@@ -18,7 +18,7 @@ from typing import Any
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import finite
-from oarlock.base.text import quoted
+from oarlock.base.text import called, quoted
 from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import write_copies
 from oarlock.diagnosis.edit.place import require_place
@@ -212,6 +212,7 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
     for _ in examine(again):
         pass
     left = tuple(one for one in judge(again) if one.severity != "note")
+    left += _overrun(choice, findings, left)
     claimed = {code for change in choice.changes for code in CLAIMS.get(type(change), ())}
     were = {one.code for one in findings if one.severity != "note"}
     return Fix(
@@ -230,6 +231,24 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         left=left,
         reason=_reason(bench, choice, after, [one for one in left if one.code in claimed]),
         elsewhere_reason=_elsewhere(bench.target, elsewhere),
+    )
+
+
+def _overrun(choice: Choice, findings: Sequence[Finding], left: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Limits that stop a loop (C5) and that stiffer equalities push in: those are not mended, they are overrun."""
+    if not any(isinstance(change, Settings) for change in choice.changes):
+        return ()
+    told = {(one.element, one.figures["joint"]) for one in left if one.code == "C5"}
+    pushed = [one for one in findings if one.code == "C5" and one.severity != "note"]
+    return tuple(
+        replace(
+            one,
+            line=f"stiffer equalities push the limit of {called('joint', one.figures['joint'])} "
+            f"({one.figures['limit']:.4g}) in, and do not mend it: widen the range of "
+            f"{quoted(one.figures['joint'])} to {one.figures['wanted']:.4g}",
+        )
+        for one in pushed
+        if (one.element, one.figures["joint"]) not in told
     )
 
 

@@ -41,6 +41,9 @@ ALIKE = 0.05
 MARGIN = 1.02
 """Times the armature at the edge, which is told with two digits."""
 
+UNSTABLE = "unstable by itself"
+"""What is said of one that a step at the start does not bear; a run tells whether it is borne elsewhere."""
+
 _FLAG = mujoco.mjtDisableBit
 _IMPLICIT = (int(mujoco.mjtIntegrator.mjINT_IMPLICIT), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST))
 
@@ -267,7 +270,7 @@ def _remark(view: View, linears: tuple[Linear, Linear], ones: list[Feedback]) ->
     elif clamped:
         said += "its force range keeps it finite, and it chatters"
     else:
-        said += "the run diverges"
+        said += UNSTABLE
     safe = [_below(what, own[what], *found) for what, found in bounds.items()]
     step = _timestep(view, ones)
     armature = _armature(view, ones)

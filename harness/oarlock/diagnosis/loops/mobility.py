@@ -5,6 +5,8 @@ pose is left by a small step along every motion that its rows admit, and closed 
 the rows admit at this pose only snaps back.
 """
 
+import copy
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -87,38 +89,61 @@ def find_mobility(assembly: Assembly, loops: Loops) -> tuple[Mobility, ...]:
         if not group.dofs:
             continue
         members = loops.members(number)
-        near, moves = group.dof, False
-        # Each motion and one of them all, both ways: at a singular pose a mixture of branches leads nowhere.
-        motions = _motions(assembly, loops, number, pose)
-        for motion in [*motions, motions.sum(axis=0)] if len(motions) else []:
-            for step in (PROBE, -PROBE):
-                there = pose.copy()
-                mujoco.mj_integratePos(assembly.model, there, step * motion / np.abs(motion).max(), 1.0)
-                assembly.place(there)
-                if assembly.close():
-                    away = np.abs(assembly.difference(pose, assembly.data.qpos)).max()
-                    if away > GETS_AWAY * PROBE:
-                        moves, near = True, min(near, group.dofs - _rank_of(assembly, members))
-        frees = tuple(loops.loops[one].name for one in members if loops.loops[one].freed)
+        reached = list(_reached(assembly, _motions(assembly, members, loops.dofs(number), pose), pose))
+        moves = bool(reached)
+        near = min([group.dof, *(group.dofs - _rank_of(assembly, members, there) for there in reached)])
+        freed = {one for one in members if loops.loops[one].freed}
+        if not moves and group.dof:  # ranks tell what is admitted here, and not what gets away
+            freed |= {one for one in members if _moves_without(assembly, members, loops.dofs(number), one, pose)}
+        frees = tuple(loops.loops[one].name for one in members if one in freed)
         found.append(Mobility(group.equalities, group.dof, near, moves, group.spectrum.kept, frees))
     assembly.place(pose)
     return tuple(found)
 
 
-def _rank_of(assembly: Assembly, members: list[int]) -> int:
-    """The rank of some equalities at the present pose."""
+def _reached(assembly: Assembly, motions: np.ndarray, pose: np.ndarray) -> Iterator[np.ndarray]:
+    """Closed poses (nq) apart from a pose, along some motions (k, nv).
+
+    Each motion and one of them all, both ways: at a singular pose a mixture of branches leads nowhere.
+    """
+    for motion in [*motions, motions.sum(axis=0)] if len(motions) else []:
+        for step in (PROBE, -PROBE):
+            there = pose.copy()
+            mujoco.mj_integratePos(assembly.model, there, step * motion / np.abs(motion).max(), 1.0)
+            assembly.place(there)
+            if assembly.close() and np.abs(assembly.difference(pose, assembly.data.qpos)).max() > GETS_AWAY * PROBE:
+                yield assembly.data.qpos.copy()
+
+
+def _moves_without(assembly: Assembly, members: list[int], dofs: list[int], one: int, pose: np.ndarray) -> bool:
+    """Whether the equalities of a group get away from a pose when one of them is left out."""
+    own = copy.copy(assembly.data)
+    own.qpos[:] = pose
+    own.eq_active[assembly.equalities[one].index] = 0
+    rest = Assembly(assembly.model, own)
+    rest.place(pose)
+    names = {assembly.equalities[member].name for member in members if member != one}
+    left = [place for place, equality in enumerate(rest.equalities) if equality.name in names]
+    return any(True for _ in _reached(rest, _motions(rest, left, dofs, pose), pose))
+
+
+def _rank_of(assembly: Assembly, members: list[int], pose: np.ndarray) -> int:
+    """The rank of some equalities at a pose."""
+    assembly.place(pose)
     rows = assembly.rows_of_all(members)
     scaled, _ = scaled_rows(assembly, assembly.jacobian())
     return spectrum(np.linalg.svd(scaled[rows], compute_uv=False)).rank
 
 
-def _motions(assembly: Assembly, loops: Loops, number: int, pose: np.ndarray) -> np.ndarray:
-    """A basis (dof, nv) of the velocities that the rows of a group admit to its own joints."""
+def _motions(assembly: Assembly, members: list[int], dofs: list[int], pose: np.ndarray) -> np.ndarray:
+    """A basis (dof, nv) of the velocities that the rows of some equalities admit to the joints of their group."""
     assembly.place(pose)
-    members, dofs = loops.members(number), loops.dofs(number)
     rows = assembly.jacobian()[assembly.rows_of_all(members)][:, dofs]
-    motions = np.zeros((loops.groups[number].dof, assembly.model.nv))
-    motions[:, dofs] = np.linalg.svd(rows)[2][loops.groups[number].rank :]
+    scaled, _ = scaled_rows(assembly, assembly.jacobian())
+    rank = spectrum(np.linalg.svd(scaled[assembly.rows_of_all(members)], compute_uv=False)).rank if members else 0
+    kept = np.linalg.svd(rows)[2][rank:] if members else np.eye(len(dofs))
+    motions = np.zeros((len(kept), assembly.model.nv))
+    motions[:, dofs] = kept
     return motions
 
 

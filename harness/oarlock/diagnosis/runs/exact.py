@@ -19,6 +19,7 @@ from oarlock.mechanics.curvature import Curvature
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.prepare import integrator_of, set_integrator
 from oarlock.poses.layout import Layout, RowColumns
+from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.paths import fitting_path
 from oarlock.stepping.prepared import Prepared
@@ -87,6 +88,21 @@ class ExactRun:
     error: np.ndarray
     end: End
 
+    @property
+    def doubt(self) -> str:
+        """Why nothing of it is to be shown, in words: it left the constraints, or its own estimate; empty otherwise."""
+        if self.end.how == "diverged":  # what it showed before proves nothing
+            return f"it diverged at t = {self.end.time_s:.6g} s: {self.end.message}"
+        opened = ~(self.drift[:, 0] <= CONSISTENT)
+        if opened.any():
+            at = int(opened.argmax())
+            return f"at t = {self.time[at]:.6g} s it stands open by {self.drift[at, 0]:.2g} m or rad: it was lost"
+        lost = ~np.isfinite(self.error)
+        if lost.any():
+            at = f"{self.time[int(lost.argmax())]:.6g}"
+            return f"from t = {at} s a walk at half the timestep goes elsewhere, so that nobody knows how far it is off"
+        return ""
+
 
 def record_exact(
     model: mujoco.MjModel,
@@ -138,7 +154,7 @@ def record_exact(
 
 def _trusted(run: ExactRun) -> bool:
     """Whether a run got to its end and is, by its own estimate, where the mechanism is."""
-    return run.end.how == "finished" and float(run.error.max(initial=0.0)) <= ERROR_BOUND
+    return run.end.how == "finished" and not run.doubt and float(run.error.max(initial=0.0)) <= ERROR_BOUND
 
 
 def _record(own: mujoco.MjModel, start: Start, laws: dict[str, str], steps: int, note: str, parts: int = 1) -> ExactRun:

@@ -57,11 +57,20 @@ def bound(integrator: str) -> float:
     return (OFF * math.factorial(terms)) ** (1.0 / terms)
 
 
-def find_pace(recording: Recording, exact: ExactRun | None, loops: Loops | None = None) -> Pace | None:
-    """Of the exact motion where it is known to the end, else of MuJoCo's run; None where nothing turns."""
+def find_pace(
+    recording: Recording, exact: ExactRun | None, loops: Loops | None = None, torn: float = math.inf
+) -> Pace | None:
+    """Of MuJoCo's run; where a loop opens in it by more than ``torn`` (m or rad), of the exact one that is known.
+
+    Where no exact one is known to the end, it is MuJoCo's up to that moment; None where nothing turns.
+    """
     model, h = recording.model, recording.timestep_s
-    known = exact is not None and exact.end.how == "finished" and len(exact.qpos) > 1
-    qpos, times = (exact.qpos, exact.time) if exact is not None and known else (recording.qpos, recording.time)
+    qpos, times = recording.qpos, recording.time
+    beyond = ~(np.abs(recording.position).max(axis=1, initial=0.0) <= torn)
+    if beyond.any():
+        known = exact is not None and exact.end.how == "finished" and not exact.doubt and len(exact.qpos) > 1
+        whole = int(beyond.argmax()) + 1
+        qpos, times = (exact.qpos, exact.time) if exact is not None and known else (qpos[:whole], times[:whole])
     turns = np.zeros((max(0, len(qpos) - 1), model.njnt))
     for joint, kind in enumerate(model.jnt_type.tolist()):
         first = int(model.jnt_qposadr[joint])

@@ -13,13 +13,15 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
+import numpy as np
 
-from oarlock.base.errors import InputError
+from oarlock.base.errors import InputError, few
 from oarlock.base.text import quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.options import BUDGET_S
 from oarlock.diagnosis.runs.budget import Budget, CutShortError
 from oarlock.diagnosis.runs.solving import Solving
+from oarlock.diagnosis.runs.stability import RowSettings, stability
 from oarlock.diagnosis.runs.trials import Made, Setting, Start, Trial, disturbed
 from oarlock.mechanics.curvature import bends
 from oarlock.mechanics.prepare import integrator_of
@@ -271,6 +273,8 @@ class _Search:
     def _best(self, own: str, timestep: float) -> Trial | None:
         """The cheapest trial that holds, or the one that opens least."""
         families: list[_Family] = [("deadbeat", own)] + ([("critical", own)] if own == CONSERVING else [])
+        if own == CONSERVING and not math.isfinite(self._trials[0].drift):  # Euler bears joints' damping, and it not
+            families.insert(0, ("deadbeat", "euler"))
         first = {family: self._first(family, timestep) for family in families}
         if any(trial is not None and trial.drift <= self._target for trial in first.values()):
             return self._cheapest(self._own_trials())
@@ -428,15 +432,27 @@ class _Search:
 
     def _success(self, trial: Trial) -> str:
         authored, setting = Setting.authored(self._model), trial.setting
-        fed = f"{setting.solving} and " if setting.solving is not None else ""
+        changed = [str(setting.solving)] if setting.solving is not None else []
+        changed += [self._rows(setting)] if setting.solref is not None else []
+        same = setting.timestep_s == authored.timestep_s
         if setting.integrator != authored.integrator:
-            changed = f"{fed}{setting.integrator} in place of {authored.integrator}"
-            same = setting.timestep_s == authored.timestep_s
-            return changed + (", at the same timestep" if same else f", at {setting.timestep_s:g} s")
-        if setting.timestep_s == authored.timestep_s:
-            return f"{fed}stiffer equalities at the same timestep"
-        steps = f"{setting.timestep_s:g} s in place of {authored.timestep_s:g} s"
-        return f"{fed}stiffer equalities and a timestep of {steps}"
+            said = _listed([*changed, f"{setting.integrator} in place of {authored.integrator}"])
+            return said + (", at the same timestep" if same else f", at {setting.timestep_s:g} s")
+        if same:
+            return f"{_listed(changed)} at the same timestep"
+        return _listed([*changed, f"a timestep of {setting.timestep_s:g} s in place of {authored.timestep_s:g} s"])
+
+    def _rows(self, setting: Setting) -> str:
+        """What becomes of the equalities: direct numbers that were stiffer than those that hold are named."""
+        assert setting.solref is not None
+        assert setting.solimp is not None
+        new = RowSettings.of(np.array(setting.solref), np.array(setting.solimp), setting.timestep_s)
+        every = [one.settings for one in stability(self._model)]
+        softer = {one.given for one in every if one.given[0] <= 0.0 and one.spring > new.spring}
+        if not softer:
+            return "stiffer equalities"
+        given = few([f'"{first:g} {second:g}"' for first, second in sorted(softer)])
+        return f'solref "{setting.solref[0]:g} {setting.solref[1]:g}" in place of {given}'
 
     def _so_far(self, best: Trial, starts: list[Start]) -> str:
         """What is known where the search was cut short."""
@@ -473,3 +489,8 @@ class _Search:
         if kind.leaves_curvature_out and bends(self._model, worst.equality):
             said.append(f"MuJoCo leaves J̇v out on rows of a {kind} equality, and no softness makes up for it")
         return "; ".join(said)
+
+
+def _listed(parts: list[str]) -> str:
+    """One, two and three."""
+    return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))

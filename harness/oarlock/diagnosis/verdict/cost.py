@@ -13,7 +13,7 @@ from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
 
-_CAUSES = ("A1", "A2", "A3", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
+_CAUSES = ("A1", "A2", "A3", "A4", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
 
@@ -105,6 +105,7 @@ def _whole(exam: Examination, finding: Finding) -> float:
 _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     **dict.fromkeys(_DRIFT, _drift),
     "A1": _blown,
+    "A4": _blown,
     "T2": _blown,
     "D6": _solver,
     "A2": _whole,

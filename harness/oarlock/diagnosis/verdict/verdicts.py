@@ -15,9 +15,11 @@ from oarlock.base.text import called, quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.lint import locked, opened
+from oarlock.diagnosis.lint.servo import UNSTABLE
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.pushes import Push
+from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
@@ -78,8 +80,23 @@ _SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4",), "S7": ("S
 
 def _lint(exam: Examination) -> Iterator[Finding]:
     for remark in (one for remarks in exam.remarks.values() for one in remarks):
-        figures = remark.figures
-        yield found(remark.code, exam.file, remark.line, element=remark.element, severity=remark.severity, **figures)
+        line, severity, figures = remark.line, remark.severity, remark.figures
+        if remark.code == "A1" and severity is None and exam.recording is not None:
+            line, severity = _shaking(exam.recording, line)
+        if remark.code == "A4" and exam.recording is not None and exam.recording.end.how == "diverged":
+            severity = "error"
+        yield found(remark.code, exam.file, line, element=remark.element, severity=severity, **figures)
+
+
+def _shaking(recording: Recording, line: str) -> tuple[str, Severity | None]:
+    """A servo that a step at the start does not bear, and what became of it: no error where the run stays finite.
+
+    Then the loops or the poses that follow hold it, and what a step at the start says of its cures may not be so.
+    """
+    if recording.end.how == "diverged":
+        return line.replace(UNSTABLE, "the run diverges", 1), None
+    bounds = line.partition("; stable with ")[0]
+    return bounds.replace(UNSTABLE, f"{UNSTABLE} at the start, and this run stays finite", 1), "warning"
 
 
 def _unsaid(exam: Examination, findings: Iterable[Finding]) -> Iterator[Finding]:
@@ -137,7 +154,8 @@ def _loops(exam: Examination) -> Iterator[Finding]:
         if every:
             continue
         own = [loop.name for loop in loops.loops if loop.group == number and loop.removable]
-        if own:
+        stuck = any(one.locked and one.equalities == group.equalities for one in exam.pose.mobility)
+        if own and not stuck:  # what rows do not hold at a pose may hold all around it, and lock it there (S3)
             one_of = f"; so could be {in_words(own[1:])}, one at a time" if own[1:] else ""
             said = f"could be left out, and the mechanism would move the same way{one_of}"
             yield found("L7", file, said, element=own[0], also=own[1:])
