@@ -23,6 +23,7 @@ SEEN = {
     "welded_pin.xml": {"L10", "S3"},
     "drawn_apart.xml": {"S5", "S6", "S1"},
     "stiff_servo.xml": {"A1"},
+    "stiff_damping.xml": {"A4"},
     "wrong_units.xml": {"A2", "S1"},
     "degrees.xml": {"A2", "S1"},
     "wrong_sign.xml": {"L9", "S3"},
