@@ -25,9 +25,8 @@ def test_bodies_that_collide_are_the_answer_and_what_gives_way_costs_the_rest():
     assert "exclude the pair" in answer(exam, findings)
     figures = collision.figures
     assert collision.cost == pytest.approx(figures["drift"] - figures["drift_without"], rel=1e-12)
-    for one in softness:  # of the same equality: what is left without the contact
-        if one.element == collision.element:
-            assert one.cost <= figures["drift_without"] * 1.01
+    (own,) = [one for one in softness if one.element == collision.element]  # what is left without the contact
+    assert own.cost <= figures["drift_without"] * 1.01
 
 
 def test_a_lock_costs_all_that_its_equalities_open_by():

@@ -113,15 +113,10 @@ def openings_of(assembly: Assembly, residual: np.ndarray, rates: bool = False) -
     )
 
 
-def instants(rows: np.ndarray) -> list[int]:
-    """The steps at which an equality's rows (T, n) are longest: of a weld its point's and its rotation's, else one."""
-    parts = [rows[:, :3], rows[:, 3:]] if rows.shape[1] == 6 else [rows]
-    return [int(np.nan_to_num(np.linalg.norm(part, axis=1)).argmax()) for part in parts]
-
-
 def widest(model: mujoco.MjModel, equality: Equality, rows: np.ndarray) -> int:
-    """The step at which an equality stands open furthest, from its rows (T, n)."""
-    return max(instants(rows), key=lambda step: opening(model, equality, rows[step]).largest)
+    """The step at which an equality stands open furthest, by its points or by its angle, from its rows (T, n)."""
+    sizes = [np.nan_to_num(one) for one in gaps(model, equality, rows).values()]
+    return int(max(sizes, key=lambda one: one.max(initial=0.0)).argmax())
 
 
 def opening(model: mujoco.MjModel, equality: Equality, rows: np.ndarray, rates: bool = False) -> Opening:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.curves import Linkage
-from oarlock.diagnosis.loops.gaps import Opening, opening
+from oarlock.diagnosis.loops.gaps import Opening, opening, widest
 from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
@@ -170,5 +170,5 @@ def _driven(model: mujoco.MjModel, joint: int) -> bool:
 
 
 def _worst(model: mujoco.MjModel, layout: Layout, place: int, position: np.ndarray) -> Opening:
-    own = position[:, layout.of_equality(place)]
-    return opening(model, layout.equalities[place], own[int(np.linalg.norm(own, axis=1).argmax())])
+    own, equality = position[:, layout.of_equality(place)], layout.equalities[place]
+    return opening(model, equality, own[widest(model, equality, own)])

@@ -1,6 +1,7 @@
 """How much of the lag of a coupling its joints' friction makes, told by taking the friction away."""
 
 import copy
+import math
 from dataclasses import dataclass
 
 import mujoco
@@ -8,8 +9,7 @@ import numpy as np
 
 from oarlock.base.text import called
 from oarlock.diagnosis.runs.recording import Recording
-from oarlock.diagnosis.runs.walking import walk
-from oarlock.mechanics.controls import drive
+from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.mechanics.names import element_name
 
 HALF = 0.5
@@ -50,16 +50,16 @@ def find_lags(recording: Recording, visible: float) -> tuple[Lag, ...]:
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS:
         return ()
     stuck = {push.name: push.stuck / recording.steps for push in recording.pushes if push.kind == "friction"}
-    for number, equality in enumerate(recording.layout.equalities):
+    for place, equality in enumerate(recording.layout.equalities):
         if model.eq_type[equality.index] != mujoco.mjtEq.mjEQ_JOINT:
             continue
-        rows = recording.layout.of_equality(number)
+        rows = recording.layout.of_equality(place)
         given = _lasting(np.abs(recording.position[:, rows]).max(axis=1, initial=0.0))
         joints = [int(joint) for joint in (model.eq_obj1id[equality.index], model.eq_obj2id[equality.index])]
         rubbing = [joint for joint in joints if joint >= 0 and model.dof_frictionloss[model.jnt_dofadr[joint]] > 0.0]
         if given <= visible or not rubbing:
             continue
-        without = _without(recording, equality.index, rubbing)
+        without = _without(recording, place, rubbing)
         names = tuple(element_name(model, _JOINT, joint) for joint in rubbing)
         if without < HALF * given:
             holds = max(stuck.get(f"friction of {called('joint', name)}", 0.0) for name in names)
@@ -67,16 +67,17 @@ def find_lags(recording: Recording, visible: float) -> tuple[Lag, ...]:
     return tuple(found)
 
 
-def _without(recording: Recording, equality: int, joints: list[int]) -> float:
-    """Lasting deviation of an equality in the same run without the friction loss of some joints."""
+def _without(recording: Recording, place: int, joints: list[int]) -> float:
+    """Lasting deviation of an equality, by its place, in the same run without the friction loss of some joints.
+
+    Infinite where that run does not stay finite.
+    """
     model = copy.deepcopy(recording.model)
     model.dof_frictionloss[model.jnt_dofadr[joints]] = 0.0
-    data = recording.restart(model)
-    deviations = []
-    for _ in walk(model, data, drive(model, recording.laws), recording.steps):
-        own = data.efc_pos[: data.ne][data.efc_id[: data.ne] == equality]
-        deviations.append(float(np.abs(own).max(initial=0.0)))
-    return _lasting(np.array(deviations))
+    again = rerun(recording, model)
+    if again is None:
+        return math.inf
+    return _lasting(np.abs(again.position[:, recording.layout.of_equality(place)]).max(axis=1))
 
 
 def _lasting(deviations: np.ndarray) -> float:

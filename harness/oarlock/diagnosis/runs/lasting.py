@@ -8,11 +8,8 @@ import numpy as np
 
 from oarlock.diagnosis.loops.gaps import Opening, opening
 from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.diagnosis.runs.row_law import CAUSES, Attribution
-from oarlock.diagnosis.runs.walking import walk
-from oarlock.mechanics.controls import drive
-from oarlock.mechanics.load import collected_warnings
-from oarlock.mechanics.names import Equality
 
 PARTS = 4
 """Of a run; the last of them is looked at."""
@@ -82,14 +79,14 @@ def find_lasting(
         shares[start] = -np.inf
         leading = int(shares.argmax())
         one = Lasting(equality.name, left, CAUSES[leading], min(1.0, float(shares[leading])))
-        found.append(_tried(one, recording, equality, median, recording.position[0, rows]))
+        found.append(_tried(one, recording, place, median, recording.position[0, rows]))
     return found
 
 
 def _tried(
     one: Lasting,
     recording: Recording,
-    equality: Equality,
+    place: int,
     median: np.ndarray,
     start: np.ndarray,
 ) -> Lasting:
@@ -98,18 +95,19 @@ def _tried(
     An offset is the one that closes the start as it is given. What stays open by much less than the start is what a
     load takes, and an offset against that would hold under this load alone.
     """
+    equality = recording.layout.equalities[place]
     model = copy.deepcopy(recording.model)
     data = model.eq_data[equality.index]
     last: np.ndarray | None = None
     if equality.kind.turns and (one.left.radians or 0.0) >= (one.left.metres or 0.0):
         data[_TORQUESCALE] *= TORQUESCALE
         attribute, value = "torquescale", f"{data[_TORQUESCALE]:g}"
-        last = _rerun(model, recording, equality)
+        last = _lasting(recording, model, place)
     elif not equality.kind.joins_points:
         if np.abs(median[0]) < FADED * np.abs(start[0]):
             return one
         data[_OFFSET] += start[0]
-        last = _rerun(model, recording, equality)
+        last = _lasting(recording, model, place)
         attribute, value = "polycoef", " ".join(f"{number:.6g}" for number in data[:5])
     else:
         return one
@@ -121,18 +119,10 @@ def _tried(
     return replace(one, attribute=attribute, value=value, after=after)
 
 
-def _rerun(
-    model: mujoco.MjModel,
-    recording: Recording,
-    equality: Equality,
-) -> np.ndarray | None:
+def _lasting(recording: Recording, model: mujoco.MjModel, place: int) -> np.ndarray | None:
     """Median rows of an equality over the last part of the same run of a changed model; None if it does not last."""
-    data = recording.restart(model)
-    kept = np.zeros((recording.steps, equality.rows))
-    taken = 0
-    with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(model, data, drive(model, recording.laws), recording.steps):
-            own = data.efc_pos[: data.ne][data.efc_id[: data.ne] == equality.index]
-            kept[step, : len(own)] = own
-            taken = step + 1
-    return np.median(kept[-max(1, recording.steps // PARTS) :], axis=0) if taken == recording.steps else None
+    again = rerun(recording, model)
+    if again is None:
+        return None
+    rows = recording.layout.of_equality(place)
+    return np.median(again.position[-max(1, recording.steps // PARTS) :, rows], axis=0)

@@ -5,10 +5,8 @@ import numpy as np
 
 from oarlock.diagnosis.runs.drifts import Drift, drift_of
 from oarlock.diagnosis.runs.recording import Recording
-from oarlock.diagnosis.runs.walking import own_copy, walk
-from oarlock.mechanics.controls import drive
-from oarlock.mechanics.load import collected_warnings
-from oarlock.poses.layout import RowColumns
+from oarlock.diagnosis.runs.rerun import rerun
+from oarlock.diagnosis.runs.walking import own_copy
 
 CLASSES = 31
 """Kinds of geoms at most that bits of a mask can tell apart, one a kind."""
@@ -72,28 +70,10 @@ def drifts_without(recording: Recording, pairs: set[Pair]) -> dict[str, Drift]:
         Equality → its drift; empty where they cannot be told apart by masks, or the run does not stay finite.
     """
     model = separated(recording.model, pairs)
-    again = run_with(recording, model) if model is not None else None
+    again = rerun(recording, model) if model is not None else None
     if model is None or again is None:
         return {}
     return {
-        one.name: drift_of(model, recording.layout, place, again[0], recording.time)
+        one.name: drift_of(model, recording.layout, place, again.position, recording.time)
         for place, one in enumerate(recording.layout.equalities)
     }
-
-
-def run_with(recording: Recording, model: mujoco.MjModel) -> tuple[np.ndarray, np.ndarray] | None:
-    """The same run of another model, of the same joints, equalities and actuators.
-
-    Returns:
-        Deviations of all rows (steps, rows) and coordinates (steps, nq); None where it does not stay finite.
-    """
-    data, layout = recording.restart(model), recording.layout
-    columns, steps = RowColumns(layout), len(recording.time)
-    position, qpos = np.zeros((steps, layout.rows)), np.zeros((steps, model.nq))
-    taken = 0
-    with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(model, data, drive(model, recording.laws), steps):
-            position[step, columns.of(data)] = data.efc_pos[columns.rows(data)]
-            qpos[step] = data.qpos
-            taken = step + 1
-    return (position, qpos) if taken and taken == steps else None

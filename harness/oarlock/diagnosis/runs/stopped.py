@@ -8,7 +8,7 @@ import numpy as np
 from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.runs.drifts import Drift
 from oarlock.diagnosis.runs.recording import Recording
-from oarlock.diagnosis.runs.separation import run_with
+from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.diagnosis.runs.walking import own_copy
 from oarlock.diagnosis.runs.without import MOST, about, left_about
 from oarlock.mechanics.names import element_name
@@ -61,18 +61,17 @@ def find_stopped(recording: Recording, drifts: list[Drift], loops: Loops, least:
         return ()
     model = own_copy(recording.model)
     model.jnt_limited[joints] = 0
-    again = run_with(recording, model)
+    again = rerun(recording, model)
     if again is None:
         return ()
-    position, qpos = again
     found, names = [], [one.name for one in recording.layout.equalities]
     for name, ends in pressed.items():
         place = names.index(name)
-        left = left_about(recording, place, position)
+        left = left_about(recording, place, again.position)
         if left.largest > (1.0 - MOST) * worst[name].largest:
             continue
         for joint, upper in ends:
-            coordinate = qpos[about(recording, place), model.jnt_qposadr[joint]]
+            coordinate = again.qpos[about(recording, place), model.jnt_qposadr[joint]]
             limit = float(model.jnt_range[joint, int(upper)])
             wanted = float(coordinate.max() if upper else coordinate.min())
             if (wanted > limit) if upper else (wanted < limit):

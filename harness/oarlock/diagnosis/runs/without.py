@@ -19,16 +19,13 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.gaps import Opening, gaps, opening
+from oarlock.diagnosis.loops.gaps import Opening, opening, widest
 from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.stability import stability
-from oarlock.diagnosis.runs.walking import walk
-from oarlock.mechanics.controls import drive
-from oarlock.mechanics.load import collected_warnings
-from oarlock.mechanics.names import Equality
 from oarlock.mechanics.prepare import set_integrator
-from oarlock.poses.layout import Layout, RowColumns
+from oarlock.poses.layout import Layout
 
 PARTS = 4
 """Of a timestep: what a Euler step leaves falls to a quarter or a sixteenth."""
@@ -142,25 +139,18 @@ def _without(
 ) -> Without:
     model = copy.deepcopy(recording.model)
     change(model)
-    data = recording.restart(model)
-    layout, taken = recording.layout, 0
-    steps = steps or recording.steps
-    columns, position = RowColumns(layout), np.zeros((steps, layout.rows))
-    with np.errstate(all="ignore"), collected_warnings():
-        for step in walk(model, data, drive(model, recording.laws), parts * steps):
-            if step % parts == 0:
-                position[step // parts, columns.of(data)] = data.efc_pos[columns.rows(data)]
-            taken = step + 1
-    if taken < parts * steps:
+    again = rerun(recording, model, parts=parts, steps=steps)
+    if again is None:
         return Without(cause, {})
-    left = {one.name: left_about(recording, place, position) for place, one in enumerate(layout.equalities)}
-    return Without(cause, left)
+    every = enumerate(recording.layout.equalities)
+    return Without(cause, {one.name: left_about(recording, place, again.position) for place, one in every})
 
 
 def left_about(recording: Recording, place: int, position: np.ndarray) -> Opening:
     """The largest gap of an equality in another run (steps, rows), about the moment of the worst one in this run."""
     rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
-    return _worst(recording.model, equality, position[about(recording, place), rows])[0]
+    near = position[about(recording, place), rows]
+    return opening(recording.model, equality, near[widest(recording.model, equality, near)])
 
 
 def about(recording: Recording, place: int) -> slice:
@@ -168,12 +158,6 @@ def about(recording: Recording, place: int) -> slice:
     if recording.end.how != "finished":
         return slice(None)
     rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
-    _, worst = _worst(recording.model, equality, recording.position[:, rows])
+    worst = widest(recording.model, equality, recording.position[:, rows])
     around = max(2, int(ABOUT * recording.steps))
     return slice(max(0, worst - around), worst + around + 1)
-
-
-def _worst(model: mujoco.MjModel, equality: Equality, rows: np.ndarray) -> tuple[Opening, int]:
-    """The largest gap of an equality, of its points or of its angle, whichever is larger; and the step."""
-    instants = {int(sizes.argmax()) for sizes in gaps(model, equality, rows).values()}
-    return max(((opening(model, equality, rows[at]), at) for at in instants), key=lambda one: one[0].largest)
