@@ -55,8 +55,9 @@ class Inertia:
         Raises:
             InputError: no rows, or numbers that are not finite.
         """
-        factored = whiten(self._model, data, jacobian)
-        self.system.assemble_factored(factored, jacobian, unconstrained, aref, softness)
+        model = self._model
+        tree = (model.M_rownnz, model.M_rowadr, model.M_colind, data.M, data.qLD, data.qLDiagInv)
+        self.system.assemble_sparse(jacobian, tree, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained
 
     def start_from(self, unconstrained: np.ndarray) -> None:

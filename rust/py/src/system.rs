@@ -3,13 +3,23 @@
 use std::sync::{Mutex, MutexGuard};
 use std::time::Duration;
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use oarlock_core as core;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::convert::{Numbers, alone, input_error, matrix, vector};
 use crate::solver::{Info, MultiplierSolver};
+
+/// `M_rownnz`, `M_rowadr`, `M_colind`, `M`, `qLD` and `qLDiagInv`.
+type Inertia<'py> = (
+    PyReadonlyArray1<'py, i32>,
+    PyReadonlyArray1<'py, i32>,
+    PyReadonlyArray1<'py, i32>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+    Bound<'py, PyAny>,
+);
 
 /// A λ = b of one step: A = J M⁻¹ Jᵀ (+ R), b = aref − J M⁻¹ f. Make one and assemble it anew every step.
 #[pyclass(frozen, module = "oarlock._core")]
@@ -94,6 +104,42 @@ impl ConstrainedSystem {
             }
         };
         py.detach(|| inner.assemble_factored(&step, &mut whiten)).map_err(input_error)
+    }
+
+    /// Forms A and b of a mechanism whose inertia lies along a kinematic tree: from J (n×nv), M as MuJoCo keeps it, a₀ = M⁻¹ f (nv),
+    /// aref (n) and, for soft rows, R (n). `inertia` has `M_rownnz`, `M_rowadr`, `M_colind`, `M`, `qLD` and `qLDiagInv`.
+    #[pyo3(signature = (jacobian, inertia, unconstrained, aref, regularisation=None))]
+    fn assemble_sparse(
+        &self,
+        py: Python<'_>,
+        jacobian: &Bound<'_, PyAny>,
+        inertia: Inertia<'_>,
+        unconstrained: &Bound<'_, PyAny>,
+        aref: &Bound<'_, PyAny>,
+        regularisation: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let (unconstrained, aref) = (vector("unconstrained", unconstrained)?, vector("aref", aref)?);
+        let jacobian = matrix("jacobian", jacobian, [aref.len(), unconstrained.len()])?;
+        let softness = regularisation.map(|given| vector("regularisation", given)).transpose()?;
+        let (lengths, starts, columns, mass, factor, inverse_diagonal) = inertia;
+        let (mass, factor) = (vector("mass", &mass)?, vector("factor of M", &factor)?);
+        let inverse_diagonal = vector("inverse diagonal", &inverse_diagonal)?;
+        let step = core::SparseStep {
+            jacobian: core::JacobianView::Dense(jacobian.as_slice()?),
+            inertia: core::TreeView {
+                lengths: lengths.as_slice()?,
+                starts: starts.as_slice()?,
+                columns: columns.as_slice()?,
+                mass: mass.as_slice()?,
+                factor: factor.as_slice()?,
+                inverse_diagonal: inverse_diagonal.as_slice()?,
+            },
+            unconstrained: unconstrained.as_slice()?,
+            aref: aref.as_slice()?,
+            regularisation: softness.as_ref().map(Numbers::as_slice).transpose()?,
+        };
+        let inner = &mut *self.take()?;
+        py.detach(|| inner.assemble_sparse(&step)).map_err(input_error)
     }
 
     /// Says how far each row of the next step stands open, as a part of the length that it turns on, and asks to hold the rank

@@ -12,6 +12,7 @@ use crate::solvers::cholesky::found::Found;
 use crate::solvers::cholesky::{Cholesky, CholeskyParams};
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::pinv::{Pinv, PinvParams};
+use crate::solvers::{dual, primal};
 use crate::solvers::solver::{Solver, State};
 
 /// Residual in the least-squares sense, relative to b, above which the fast solver is not believed: a direct solve of a
@@ -76,14 +77,58 @@ impl Params for AutoParams {
 pub struct Auto {
     rank_cut: f64,
     fast: Cholesky,
+    dual: dual::Factor,
+    primal: primal::Factor,
+    /// The cheapest for the patterns at hand.
+    method: Method,
+    chosen_for: Option<u64>,
     safe: Pinv,
+}
+
+/// Sizes up to this have dense code of their own, which nothing beats: its loops are unrolled.
+const SMALL: usize = 6;
+
+/// What a sparse step is solved by.
+#[derive(Clone, Copy, PartialEq)]
+enum Method {
+    Dense,
+    Dual,
+    Primal,
+}
+
+impl Auto {
+    /// The method that takes least work by the patterns of a step.
+    fn choose(&mut self, problem: &Problem<'_>) -> Method {
+        let Some(sparse) = problem.sparse.filter(|sparse| sparse.plan.is_some()) else { return Method::Dense };
+        if self.chosen_for != sparse.plan {
+            let n = problem.len();
+            let dense = n * n * (n + problem.work.len());
+            let (dual, primal) = (self.dual.work(sparse), self.primal.work(sparse));
+            self.chosen_for = sparse.plan;
+            self.method = match () {
+                () if n <= SMALL || dense < dual.min(primal) => Method::Dense,
+                () if dual <= primal => Method::Dual,
+                () => Method::Primal,
+            };
+        }
+        self.method
+    }
+
+    /// By a sparse method, where there is one and its evidence holds.
+    fn solve_sparse(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
+        match self.choose(problem) {
+            Method::Dense => None,
+            Method::Dual => self.dual.solve(problem, x).or_else(|| self.primal.solve(problem, x)),
+            Method::Primal => self.primal.solve(problem, x),
+        }
+    }
 }
 
 impl Solver for Auto {
     type Params = AutoParams;
     const SUMMARY: &'static str =
         "the default: the fastest right solver for the size, the reference where it fails";
-    const NEEDS: Needs = Needs::Dense;
+    const NEEDS: Needs = Needs::Sparse;
     const DIRECT: bool = true;
 
     fn rank_cut(&self) -> Option<f64> {
@@ -95,11 +140,18 @@ impl Solver for Auto {
         Self {
             rank_cut,
             fast: Cholesky::new(CholeskyParams { rank_cut }),
+            dual: dual::Factor::new(rank_cut),
+            primal: primal::Factor::new(rank_cut),
+            method: Method::Dense,
+            chosen_for: None,
             safe: Pinv::new(PinvParams { rank_cut }),
         }
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        if let Some(info) = self.solve_sparse(problem, x) {
+            return Ok(info);
+        }
         // A rank that is to be held is decided by eigenvalues.
         if problem.blocks().is_undecided() {
             return self.safe.solve(problem, x);
@@ -113,6 +165,7 @@ impl Solver for Auto {
     }
 
     fn reset(&mut self) {
+        self.primal.forget();
         self.fast.reset();
         self.safe.reset();
     }
