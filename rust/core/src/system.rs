@@ -202,6 +202,7 @@ impl ConstrainedSystem {
             gaps: mem::take(&mut self.gaps),
             constraints: mem::take(&mut self.constraints),
             judges: mem::take(&mut self.judges),
+            tree: mem::take(&mut self.tree),
             rhs: DVector::zeros(n),
             unconstrained: DVector::zeros(nv),
             at_work: vec![0.0; nv],
