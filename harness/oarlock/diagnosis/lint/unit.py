@@ -42,6 +42,9 @@ ROUNDED = 2e-3
 CLOSES = 0.01
 """Relative, of a constant that closes a coupling once it is read in degrees: what the digits of a keyframe leave."""
 
+ROOM = 2.0
+"""Times what a hinge can do: so many degrees are a target beyond it, more are counts."""
+
 PLACES = 64
 """Of a range at which a polynomial is looked at."""
 
@@ -137,7 +140,7 @@ def _of_told(view: View) -> Iterator[Remark]:
     for one in servos(model):
         control = one.told(model, float(view.data.ctrl[one.index]))
         reached = one.reached(control)
-        if model.jnt_type[one.joint] == _HINGE and degrees(reached) and abs(reached) > _limit(model, one.joint):
+        if in_degrees(model, one.joint, reached):
             found.append((one, control, reached))
     if found:
         one, control, reached = found[0]
@@ -147,6 +150,13 @@ def _of_told(view: View) -> Iterator[Remark]:
         )
         remark = _remark("ctrl", [each.name for each, *_ in found], said)
         yield replace(remark, figures={**remark.figures, "loops": view.around(each.joint for each, *_ in found)})
+
+
+def in_degrees(model: mujoco.MjModel, joint: int, reached: float) -> bool:
+    """Whether a servo is told a plain number of degrees, which as an angle are about what its hinge can do."""
+    limit = _limit(model, joint)
+    hinge = model.jnt_type[joint] == _HINGE and degrees(reached) and abs(reached) > limit
+    return bool(hinge and math.radians(abs(reached)) <= ROOM * limit)
 
 
 def _of_couplings(view: View) -> Iterator[Remark]:

@@ -74,7 +74,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
 
 # What is seen without a run.
 
-_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4",), "S7": ("S3", "S4")}
+_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4", "C5"), "S7": ("S3", "S4")}
 """Code of a remark → those of findings which say the same of its equality, only less of it, or what comes of it."""
 
 
@@ -106,7 +106,7 @@ def _unsaid(exam: Examination, findings: Iterable[Finding]) -> Iterator[Finding]
         for remarks in exam.remarks.values()
         for one in remarks
         for code in _SAID.get(one.code, ())
-        for name in (one.element, *one.figures.get("also", ()))
+        for name in (one.element, *one.figures.get("also", ()), *one.figures.get("loops", ()))
     }
     for one in findings:
         if (one.code, one.element) not in said:
