@@ -28,6 +28,7 @@ from oarlock.diagnosis.runs.exact import ExactRun, record_exact
 from oarlock.diagnosis.runs.fights import Fight, find_fight
 from oarlock.diagnosis.runs.lag import Lag, find_lags
 from oarlock.diagnosis.runs.lasting import Lasting, find_lasting
+from oarlock.diagnosis.runs.overdriven import Overdriven, find_overdriven
 from oarlock.diagnosis.runs.pace import Pace, find_pace
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
@@ -104,6 +105,7 @@ class Examination:
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
         stopped: limits that open an equality of their loop in MuJoCo's run.
+        overdriven: servos that pull a loop apart which has not so much freedom.
         fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         missing: part → why it is not there.
@@ -144,6 +146,7 @@ class Examination:
     lags: tuple[Lag, ...] = ()
     stops: Stops | None = None
     stopped: tuple[Stopped, ...] = ()
+    overdriven: tuple[Overdriven, ...] = ()
     fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
@@ -336,6 +339,7 @@ def _run(found: Examination) -> None:
         if found.closed and found.recording.steps:
             least = max(found.target, VISIBLE)
             found.stopped = find_stopped(found.recording, found.drifts, found.pose.loops, least)
+            found.overdriven = find_overdriven(found.recording, found.drifts, found.pose.loops, least)
         found.lags = find_lags(found.recording, VISIBLE)
         found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:

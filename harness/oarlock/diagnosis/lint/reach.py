@@ -76,7 +76,9 @@ def _remark(
     kind, index = ("joint", one.joint) if one.joint >= 0 else ("tendon", one.tendon)
     led = called(kind, element_name(model, JOINT if kind == "joint" else TENDON, index))
     end = high if told > high else low
-    said = f"{control:g} leads {led} to {told:.4g} {unit}, and its range ends at {end:.4g} {unit}: a control is in {unit}, "
+    said = (
+        f"{control:g} leads {led} to {told:.4g} {unit}, and its range ends at {end:.4g} {unit}: a control is in {unit},"
+    )
     wanted = control * MILLI
     room = ROOM * (high - low)
     if slides and low - room <= one.reached(wanted) <= high + room:

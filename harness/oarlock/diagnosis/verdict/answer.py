@@ -20,10 +20,10 @@ _BECAUSE = {
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
-_BEYOND = ("A2", "A3", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
+_BEYOND = ("A2", "A3", "A5", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
 """What no settings mend: something else in the file has to be another one."""
 
-_PREDICATES = ("is ", "stands ", "stays ", "cannot ", "gives ")
+_PREDICATES = ("is ", "opens ", "stands ", "stays ", "cannot ", "gives ")
 """How a line begins of which the element is the subject."""
 
 

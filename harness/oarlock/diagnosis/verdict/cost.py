@@ -13,7 +13,7 @@ from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
 
-_CAUSES = ("A1", "A2", "A3", "A4", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
+_CAUSES = ("A1", "A2", "A3", "A4", "A5", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
 
@@ -115,6 +115,7 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "S3": _whole,
     "S7": _whole,
     "C2": _figure("given"),
+    "A5": _collision,
     "C4": _collision,
     "C5": _collision,
     "S1": _opened,

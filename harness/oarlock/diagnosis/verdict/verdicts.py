@@ -58,6 +58,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         _settings,
         _run,
         motions.pace,
+        motions.overdriven,
         blame.drift,
         motions.unfed,
         blame.energy,
