@@ -37,7 +37,7 @@ from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
 from oarlock.diagnosis.runs.trials import Made, Start
-from oarlock.diagnosis.runs.without import Without, find_fed, find_without, starving
+from oarlock.diagnosis.runs.without import Without, find_fed, find_finer, find_without, starving
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
@@ -374,6 +374,8 @@ def _causes(found: Examination) -> None:
         return
     if found.recording.end.how == "diverged":
         found.without = find_fed(found.recording, found.steps)
+        if not any(one.left for one in found.without) and not _known(found):
+            found.without += find_finer(found.recording, found.steps)
     with _Reason(found, "causes"):
         attribution = attribute(found.recording)
         if attribution.holds:
@@ -385,6 +387,12 @@ def _causes(found: Examination) -> None:
                 f"MuJoCo's rows do not follow the law of an oscillator (defect {attribution.defect:.1g}), "
                 f"as under the integrator '{found.recording.integrator}'"
             )
+
+
+def _known(found: Examination) -> bool:
+    """Whether a row, a servo or a damper is unstable by itself: then that is what makes a run diverge."""
+    remarks = [one for lint in ("servo", "damper") for one in found.remarks.get(lint, [])]
+    return any(one.severity != "note" for one in remarks) or not all(one.stable for one in found.settings)
 
 
 def _taken_away(found: Examination, attribution: Attribution) -> None:

@@ -21,8 +21,8 @@ from oarlock.poses.paths import PARALLEL, path_of
 PROBE = 0.02
 """rad or m. A step along a motion, longer than what separates a double root from two, shorter than a limb."""
 
-GETS_AWAY = 0.5
-"""Of that step: who is left with less was pulled back."""
+GETS_AWAY = 0.1
+"""Of that step: who is left with less was pulled back. Closing moves what is light, and straightens half of a chain."""
 
 TILTED = 0.5
 """rad. A hinge that stands further off the others' axis is not meant to be parallel to them."""

@@ -330,7 +330,8 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         yield found("T5", exam.file, said, **figures)
         return
     if not recipe.reached:
-        said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
+        best = f", at best {held(after)}" if chosen.drift > recipe.target else " from every start"
+        said = f"the target of {recipe.target:g} is not reached{best}: {recipe.reason}"
         yield found("T3", exam.file, said, element=after.equality.name, **figures)
         return
     whence = "" if before.start == recipe.authored.start else ", from a disturbed start"

@@ -21,6 +21,7 @@ from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
+from oarlock.diagnosis.runs.without import FINEST, PARTS
 from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import priced
@@ -29,6 +30,11 @@ from oarlock.mechanics.names import element_name
 
 _PAIRS = 3
 """So many pairs of rows that say the same are named."""
+
+ROUNDS = 1e-9
+"""Relative, of a timestep."""
+
+_PARTS = {PARTS: "quarter", FINEST: "sixteenth"}
 
 _JOINT, _EQUALITY = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_EQUALITY
 
@@ -291,7 +297,8 @@ def _run(exam: Examination) -> Iterator[Finding]:
     if recording is None:
         return
     if recording.end.how == "diverged":
-        yield found("R1", exam.file, recording.end.message, time_s=recording.end.time_s)
+        said = "; ".join([recording.end.message, *_lasts_finer(exam)])
+        yield found("R1", exam.file, said, time_s=recording.end.time_s)
     if recording.pushes:
         first = min(push.first_s for push in recording.pushes)
         last = max(push.last_s for push in recording.pushes)
@@ -300,6 +307,20 @@ def _run(exam: Examination) -> Iterator[Finding]:
             said += "; noslip changes MuJoCo's forces after its solver, and not those of the exact solution"
         yield found("R2", exam.file, said, first_s=first, last_s=last)
     yield from _fights(exam)
+
+
+def _lasts_finer(exam: Examination) -> Iterator[str]:
+    """What shorter steps make of a run that diverges."""
+    for one in exam.without:
+        if one.cause == "stepping" and one.left:
+            worst = max(one.left.values(), key=lambda opening: opening.largest)
+            shorter, recipe = exam.timestep_s / one.parts, exam.recipe
+            said = f"with a timestep of {shorter:g} s, a {_PARTS[one.parts]} of it, it stays finite"
+            # Stiffer rows hold it with no shorter steps than that.
+            held = recipe is not None and recipe.chosen.drift <= exam.target
+            soft = held and recipe.chosen.setting.timestep_s >= (1.0 - ROUNDS) * shorter
+            softly = ", for it is too soft as well" if soft and worst.largest > exam.target else ""
+            yield f"{said}, and {quoted(worst.equality)} opens by {worst}{softly}"
 
 
 def _pushes(pushes: tuple[Push, ...]) -> str:
@@ -333,7 +354,8 @@ def _fights(exam: Examination) -> Iterator[Finding]:
             f"holds in {percent(lag.stuck)} of the steps"
         )
         yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
-    if exam.stops is not None and not _offsets(exam):  # with such an offset the closed start is another one
+    # With such an offset the closed start is another one; and of ranges that do not meet more is said already.
+    if exam.stops is not None and not _offsets(exam) and not exam.remarks.get("ranges"):
         whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
         said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole} left"
         yield found("C3", exam.file, said, dof=exam.stops.dof)
