@@ -241,10 +241,20 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g}{_unit(exam, pose)}")
     if pose.outside:
         more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
-    one = opened.of(pose.openings, pose.speeds, more)
+    one = opened.of(pose.openings, pose.speeds, [*more, *_as_it_starts(exam)])
     figures = {**one.figures, "moved": pose.moved}
     severity = "note" if one.element in _offsets(exam) else one.severity
     return found("S1", exam.file, one.line, element=one.element, severity=severity, **figures)
+
+
+def _as_it_starts(exam: Examination) -> Iterator[str]:
+    """The relpose of the weld that stands open most, if it holds that of the model's own pose."""
+    assert exam.pose is not None
+    worst = max(exam.pose.openings, key=lambda one: one.largest)
+    for one in exam.remarks.get("defined", []):
+        own = f"keyframe {quoted(one.figures['keyframe'])}" == exam.begins
+        if own and one.element == worst.equality and "wanted" in one.figures:
+            yield f'relpose="{one.figures["wanted"]}" holds it as it starts'
 
 
 def _offsets(exam: Examination) -> set[str]:
