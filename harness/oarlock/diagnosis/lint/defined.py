@@ -64,7 +64,7 @@ def look(view: View) -> Iterator[Remark]:
 
 
 def _relpose(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> str:
-    """A pose of the second body of a weld, with its anchor for the position, in the frame of the first, as in a file."""
+    """A pose of the second body of a weld, at its anchor, in the frame of the first, as in a file."""
     first, second = one.bodies
     place = data.xpos[second] + data.xmat[second].reshape(3, 3) @ model.eq_data[one.index, :3]
     position = data.xmat[first].reshape(3, 3).T @ (place - data.xpos[first])

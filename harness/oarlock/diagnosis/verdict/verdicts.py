@@ -227,8 +227,8 @@ def _start(exam: Examination) -> Iterator[Finding]:
         return
     for one in pose.mobility:
         if one.locked:
-            said = locked.sentence(pose.tilts, one.equalities, one.frees)
             severity = blame.lock(exam, one)
+            said = locked.sentence(pose.tilts, one.equalities, one.frees, one.slide if severity == "warning" else "")
             figures = {"also": list(one.equalities[1:]), "dof": one.dof, "kept": one.kept}
             yield found("S3", file, said, element=one.equalities[0], severity=severity, **figures)
     if not pose.consistent:
