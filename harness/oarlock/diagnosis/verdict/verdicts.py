@@ -360,10 +360,11 @@ def _fights(exam: Examination) -> Iterator[Finding]:
     for lag in exam.lags:
         joints = in_words(list(lag.joints))
         said = (
-            f"stays open by {lag.given:.4g}, by {lag.without:.3g} without the friction loss of {joints}, which "
-            f"holds in {percent(lag.stuck)} of the steps"
+            f"stays open by {lag.given:.4g} {lag.unit}, by {lag.without:.3g} {lag.unit} without the friction loss of "
+            f"{joints}, which holds in {percent(lag.stuck)} of the steps"
         )
-        yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
+        figures = {"given": lag.given, "without": lag.without, "unit": lag.unit}
+        yield found("C2", exam.file, said, element=lag.equality, **figures)
     # With such an offset the closed start is another one; and of ranges that do not meet more is said already.
     if exam.stops is not None and not _offsets(exam) and not exam.remarks.get("ranges"):
         whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
