@@ -1,11 +1,13 @@
 """C3: a coupling whose joints have ranges that meet in one pose at most: a mimic of −1 with the range of its leader."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from oarlock.base.numbers import figure
 from oarlock.base.text import quoted
+from oarlock.diagnosis.lint.unit import met
 from oarlock.diagnosis.lint.view import JOINT, Remark, View
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality, element_name
@@ -32,6 +34,9 @@ def look(view: View) -> Iterator[Remark]:
         (low, high), (least, most) = model.jnt_range[ids[0]], (float(led.min()), float(led.max()))
         common = min(high, most) - max(low, least)
         narrower = min(high - low, most - least)
+        offset = float(model.eq_data[one.index, 0])
+        if offset and met(model, one, math.radians(offset)) and not met(model, one, offset):
+            continue  # degrees, which is said of the constant
         if narrower > 0.0 and common <= MEETS * narrower:
             yield _remark(view, one, ids, (least, most), common >= -MEETS * narrower)
 

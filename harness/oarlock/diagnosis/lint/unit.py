@@ -167,7 +167,7 @@ def _of_couplings(view: View) -> Iterator[Remark]:
             continue
         offset = float(model.eq_data[one.index, 0])
         meant = math.radians(offset)
-        beyond = not _met(model, one, offset) and _met(model, one, meant)
+        beyond = not met(model, one, offset) and met(model, one, meant)
         closes = abs(offset) > CONSISTENT and _off(view, one, meant) <= CLOSES * abs(meant)
         if beyond or closes:
             ranges = ", which the ranges of its joints do not admit" if beyond else ""
@@ -192,7 +192,7 @@ def _off(view: View, one: Equality, offset: float) -> float:
     return abs(first - offset - (second[0] * follows if second else 0.0))
 
 
-def _met(model: mujoco.MjModel, one: Equality, offset: float) -> bool:
+def met(model: mujoco.MjModel, one: Equality, offset: float) -> bool:
     """Whether a coupling with some constant is met somewhere inside the ranges of its joints."""
     ranges = []
     for joint in coupled_ids(model, one.index):
