@@ -29,7 +29,8 @@ def look(view: View) -> Iterator[Remark]:
         if len(ids) < 2 or not model.jnt_limited[ids].all() or not model.eq_data[one.index, 1:5].any():
             continue
         zeros = model.qpos0[model.jnt_qposadr[ids]]
-        places = np.linspace(*(model.jnt_range[ids[1]] - zeros[1]), PLACES)
+        first, last = (model.jnt_range[ids[1]] - zeros[1]).tolist()
+        places = np.linspace(first, last, PLACES)
         led = zeros[0] + np.polynomial.polynomial.polyval(places, model.eq_data[one.index, :5])
         (low, high), (least, most) = model.jnt_range[ids[0]], (float(led.min()), float(led.max()))
         common = min(high, most) - max(low, least)

@@ -327,8 +327,8 @@ def _lasts_finer(exam: Examination) -> Iterator[str]:
             shorter, recipe = exam.timestep_s / one.parts, exam.recipe
             said = f"with a timestep of {shorter:g} s, a {_PARTS[one.parts]} of it, it stays finite"
             # Stiffer rows hold it with no shorter steps than that.
-            held = recipe is not None and recipe.chosen.drift <= exam.target
-            soft = held and recipe.chosen.setting.timestep_s >= (1.0 - ROUNDS) * shorter
+            chosen = recipe.chosen if recipe is not None and recipe.chosen.drift <= exam.target else None
+            soft = chosen is not None and chosen.setting.timestep_s >= (1.0 - ROUNDS) * shorter
             softly = ", for it is too soft as well" if soft and worst.largest > exam.target else ""
             yield f"{said}, and {quoted(worst.equality)} opens by {worst}{softly}"
 
