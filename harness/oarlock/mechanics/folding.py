@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 ALIKE = 1e-12
-"""Part of a row, at most, that is not along the one that it is taken for a multiple of. Rows that say the same come out of
-the same operations and differ by some roundings."""
+"""Part of a row, at most, that is not along the one that it is taken for a multiple of. Rows that say the same come out
+of the same operations and differ by some roundings."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,12 @@ class Folded:
         """Which rows have a class for themselves, (n)."""
         sizes = np.bincount(self.owner[self.owner >= 0], minlength=len(self.rows))
         return (self.owner >= 0) & (sizes[self.owner] == 1) if len(sizes) else np.zeros(len(self.owner), dtype=bool)
+
+    def members(self) -> list[np.ndarray]:
+        """Numbers of the rows of every class that has several, ascending."""
+        several = np.flatnonzero((self.owner >= 0) & ~self.alone)
+        order = several[np.argsort(self.owner[several], kind="stable")]
+        return np.split(order, np.flatnonzero(np.diff(self.owner[order])) + 1) if len(order) else []
 
     def spread(self, vectors: np.ndarray) -> np.ndarray:
         """T times vectors (k, …), (n, …): a left vector of the folded rows as one of all rows."""
@@ -57,8 +63,7 @@ def fold(rows: np.ndarray, zero: np.ndarray | None = None) -> Folded:
         zero: which of them count as zero, (n); None: those that are.
     """
     lengths = np.linalg.norm(rows, axis=1)
-    zero = lengths == 0.0 if zero is None else zero | (lengths == 0.0)
-    live = np.flatnonzero(~zero)
+    live = np.flatnonzero(lengths > 0.0 if zero is None else ~zero & (lengths > 0.0))
     owner, weights = np.full(len(rows), -1), np.zeros(len(rows))
     if not len(live):
         return Folded(rows[:0].copy(), owner, weights)

@@ -15,6 +15,7 @@ from oarlock.base.errors import InputError
 from oarlock.diagnosis.loops.forces import coupling_slope, quat_product, torque_map, turns
 from oarlock.diagnosis.loops.loops import Loops, loops_at, scales_along
 from oarlock.mechanics.coupled import coupled, coupled_ids
+from oarlock.mechanics.folding import ALIKE, fold
 from oarlock.mechanics.names import Equality
 from oarlock.poses.assembly import Assembly
 
@@ -126,13 +127,49 @@ def _free_part(
         if len(rows) <= group.rank:
             continue
         some = stack[:, rows]
+        given = multipliers[:, rows, None]
+        repeats = _repeats(some, group.rank)
+        if repeats is not None:
+            found[:, rows] = _within(repeats, 1.0 / scales[rows], given[..., 0])
+            continue
         # A basis of range(J): eigenvectors to the largest eigenvalues. The rank is known, so that squares do no harm.
         wide = len(rows) <= some.shape[2]
         square = some @ some.transpose(0, 2, 1) if wide else some.transpose(0, 2, 1) @ some
         largest = np.linalg.eigh(square)[1][:, :, square.shape[1] - group.rank :]
         basis = np.linalg.qr((largest if wide else some @ largest) / scales[rows, None])[0]
-        given = multipliers[:, rows, None]
         found[:, rows] = (given - basis @ (basis.transpose(0, 2, 1) @ given))[..., 0]
+    return found
+
+
+def _repeats(stack: np.ndarray, rank: int) -> list[tuple[np.ndarray, np.ndarray]] | None:
+    """Proportional rows of (T, n, nv), if all dependence is among them: numbers, and what they are of one (T, m).
+
+    None where rows depend on one another otherwise.
+    """
+    folded = fold(stack[0])
+    if len(folded.rows) > rank:
+        return None
+    found = []
+    for members in folded.members():
+        own = stack[:, members]
+        longest = own[np.arange(len(own)), np.linalg.norm(own, axis=2).argmax(axis=1)]
+        squares = np.einsum("tj,tj->t", longest, longest)
+        part = np.einsum("tij,tj->ti", own, longest) / np.where(squares > 0.0, squares, 1.0)[:, None]
+        left = np.linalg.norm(own - part[..., None] * longest[:, None], axis=2)
+        if (left > ALIKE * np.sqrt(squares)[:, None]).any():
+            return None  # not all along the motion
+        found.append((members, part))
+    return found
+
+
+def _within(repeats: list[tuple[np.ndarray, np.ndarray]], factors: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """The part of multipliers (T, n) with which proportional rows, times factors (n), cancel one another."""
+    found = np.zeros_like(given)
+    for members, part in repeats:
+        own = factors[members] * part
+        squares = np.square(own).sum(axis=1)
+        along = np.einsum("tm,tm->t", own, given[:, members]) / np.where(squares > 0.0, squares, 1.0)
+        found[:, members] = given[:, members] - along[:, None] * own
     return found
 
 
