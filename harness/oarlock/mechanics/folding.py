@@ -14,6 +14,10 @@ ALIKE = 1e-12
 of the same operations and differ by some roundings."""
 
 
+_MIXED = 1e3 * ALIKE
+"""Numbers that multiples share differ by no more, each the rounding of a sum over a row."""
+
+
 @dataclass(frozen=True)
 class Folded:
     """Rows (n, m) by their classes.
@@ -84,20 +88,26 @@ def _first_alike(unit: np.ndarray) -> np.ndarray:
     mixed = np.abs(unit @ np.random.default_rng(0).normal(size=unit.shape[1]))
     order = np.argsort(mixed, kind="stable")
     first = np.arange(len(unit))
-    near = 1e3 * ALIKE
-    begin = 0
-    for end in range(1, len(order) + 1):
-        if end < len(order) and mixed[order[end]] - mixed[order[end - 1]] <= near:
+    near = np.diff(mixed[order]) <= _MIXED
+    if not near.any():
+        return first
+    before, after = order[:-1][near], order[1:][near]
+    alike = np.zeros(len(near), dtype=bool)
+    alike[near] = _multiples(unit[before], unit[after])
+    runs = np.split(np.arange(len(order)), np.flatnonzero(~near) + 1)
+    for run in (run for run in runs if len(run) > 1):
+        members = np.sort(order[run])
+        if alike[run[:-1]].all():
+            first[members] = members[0]
             continue
-        if end - begin > 1:
-            members = np.sort(order[begin:end])
-            for at, one in enumerate(members):
-                if first[one] != one:
-                    continue
-                others = members[at + 1 :]
-                along = unit[others] @ unit[one]
-                apart = np.linalg.norm(unit[others] - along[:, None] * unit[one], axis=1)
-                alike = others[(apart <= ALIKE) & (first[others] == others)]
-                first[alike] = one
-        begin = end
+        for at, one in enumerate(members):  # several classes of one number
+            others = members[at + 1 :][first[members[at + 1 :]] == members[at + 1 :]]
+            if first[one] == one:
+                first[others[_multiples(unit[others], unit[one])]] = one
     return first
+
+
+def _multiples(rows: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which unit rows (n, m) are multiples of others, (n)."""
+    along = (rows * others).sum(axis=-1)
+    return np.linalg.norm(rows - along[:, None] * others, axis=-1) <= ALIKE

@@ -34,6 +34,12 @@ _HALVINGS = 24
 MANY = 60
 """So many rows and more are looked at by their products."""
 
+LOOKS = 250
+"""Of so many rows so many poses of a motion are looked at, equally spaced."""
+
+LOW = 2.0 * DIP
+"""Of the median: around values below it every pose is looked at, for there may be a dip between."""
+
 SQUARED = 1e-3
 """A smallest singular value, of the largest, whose square has ten digits beside that of the largest."""
 
@@ -143,8 +149,28 @@ class _View:
         return fold(self._scales[:, None] * self.assembly.whitened(self.assembly.jacobian())).rows
 
     def along(self, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Singular values (T): that of the rank, and the largest one beyond it."""
-        found = np.array([_sizes(self._rows_at(pose), self.rank)[1:] for pose in qpos]) / self._largest
+        """Singular values (T): that of the rank, and the largest one beyond it.
+
+        Of long motions of many rows they are computed at ``LOOKS`` poses, and at all of those around low ones; between
+        the others they are interpolated.
+        """
+        found = np.full((len(qpos), 2), np.nan)
+
+        def look(places: np.ndarray) -> None:
+            for at in places[np.isnan(found[places, 0])]:
+                found[at] = np.divide(_sizes(self._rows_at(qpos[at]), self.rank)[1:], self._largest)
+
+        every = len(qpos) if self.rank < MANY else min(LOOKS, len(qpos))
+        some = np.unique(np.linspace(0, len(qpos) - 1, every).astype(int))
+        look(some)
+        if every < len(qpos):
+            values = found[some, 0]
+            low = np.flatnonzero(values < LOW * np.median(values))
+            for at in low:
+                look(np.arange(some[max(0, at - 1)], some[min(len(some) - 1, at + 1)] + 1))
+            known = np.flatnonzero(~np.isnan(found[:, 0]))
+            for column in found.T:
+                column[:] = np.interp(np.arange(len(qpos)), known, column[known])
         return found[:, 0], found[:, 1]
 
     def here(self) -> tuple[np.ndarray, np.ndarray]:

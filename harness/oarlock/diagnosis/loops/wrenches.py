@@ -93,15 +93,18 @@ def wrenches(
         loops = loops_at(assembly, assembly.close(), dependent=False)
     scales = scales_along(assembly, qpos)
     turned, slopes, free = _Turned(assembly, len(qpos)), np.zeros((len(qpos), len(assembly.equalities))), []
+    couplings = [number for number, one in enumerate(assembly.equalities) if not one.kind.joins_points]
     size = max(1, _CHUNK // max(1, len(assembly.rows) * model.nv))
     for first in range(0, len(qpos), size):
-        stack = np.zeros((len(qpos[first : first + size]), len(assembly.rows), model.nv))
-        for at in range(len(stack)):
-            assembly.place(qpos[first + at])
-            stack[at] = scales[:, None] * assembly.whitened(assembly.jacobian())
+        poses = qpos[first : first + size]
+        stack = np.zeros((len(poses), len(assembly.rows), model.nv))
+        for at, pose in enumerate(poses):
+            assembly.place(pose)
+            stack[at] = scales[:, None] * assembly.jacobian()
             turned.read(first + at)
-            slopes[first + at] = [coupling_slope(assembly, one) for one in assembly.equalities]
-        free.append(_free_part(assembly, loops, stack, scales, multipliers[first : first + size]))
+            for number in couplings:
+                slopes[first + at, number] = coupling_slope(assembly, assembly.equalities[number])
+        free.append(_free_part(assembly, loops, poses, stack, scales, multipliers[first : first + size]))
     undetermined = np.concatenate(free) if free else np.zeros(expected)
     found = []
     for number, equality in enumerate(assembly.equalities):
@@ -115,9 +118,15 @@ def wrenches(
 
 
 def _free_part(
-    assembly: Assembly, loops: Loops, stack: np.ndarray, scales: np.ndarray, multipliers: np.ndarray
+    assembly: Assembly,
+    loops: Loops,
+    qpos: np.ndarray,
+    stack: np.ndarray,
+    scales: np.ndarray,
+    multipliers: np.ndarray,
 ) -> np.ndarray:
-    """The part of multipliers (T, n) in null(Jᵀ), from scaled rows (T, n, nv) and the ranks of the groups."""
+    """The part of multipliers (T, n) in null(Jᵀ), at poses, from scaled rows (T, n, nv) and the ranks of the groups."""
+    whitened: np.ndarray | None = None
     found = np.zeros_like(multipliers)
     for number, group in enumerate(loops.groups):
         rows = assembly.rows_of_all(loops.members(number))
@@ -126,12 +135,13 @@ def _free_part(
         rows = rows[scales[rows] > 0.0]
         if len(rows) <= group.rank:
             continue
-        some = stack[:, rows]
-        given = multipliers[:, rows, None]
-        repeats = _repeats(some, group.rank)
+        repeats = _repeats(stack[:, rows], group.rank)
         if repeats is not None:
-            found[:, rows] = _within(repeats, 1.0 / scales[rows], given[..., 0])
+            found[:, rows] = _within(*repeats, 1.0 / scales[rows], multipliers[:, rows])
             continue
+        if whitened is None:
+            whitened = scales[:, None] * assembly.whitened_along(qpos)
+        some, given = whitened[:, rows], multipliers[:, rows, None]
         # A basis of range(J): eigenvectors to the largest eigenvalues. The rank is known, so that squares do no harm.
         wide = len(rows) <= some.shape[2]
         square = some @ some.transpose(0, 2, 1) if wide else some.transpose(0, 2, 1) @ some
@@ -141,35 +151,39 @@ def _free_part(
     return found
 
 
-def _repeats(stack: np.ndarray, rank: int) -> list[tuple[np.ndarray, np.ndarray]] | None:
-    """Proportional rows of (T, n, nv), if all dependence is among them: numbers, and what they are of one (T, m).
+def _repeats(stack: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Class of every row of (T, n, nv), (n), and what it is of the first row of that, (T, n).
 
-    None where rows depend on one another otherwise.
+    None where rows depend on one another otherwise too, or are proportional or zero at some poses only.
     """
     folded = fold(stack[0])
-    if len(folded.rows) > rank:
+    if len(folded.rows) > rank or (folded.owner < 0).any():
         return None
-    found = []
-    for members in folded.members():
-        own = stack[:, members]
-        longest = own[np.arange(len(own)), np.linalg.norm(own, axis=2).argmax(axis=1)]
-        squares = np.einsum("tj,tj->t", longest, longest)
-        part = np.einsum("tij,tj->ti", own, longest) / np.where(squares > 0.0, squares, 1.0)[:, None]
-        left = np.linalg.norm(own - part[..., None] * longest[:, None], axis=2)
-        if (left > ALIKE * np.sqrt(squares)[:, None]).any():
-            return None  # not all along the motion
-        found.append((members, part))
-    return found
+    if folded.alone.all():
+        return folded.owner, np.ones(stack.shape[:2])
+    first = np.unique(folded.owner, return_index=True)[1]
+    again = np.flatnonzero(~folded.alone)
+    rows, ones = stack[:, again], stack[:, first[folded.owner[again]]]
+    squares = np.einsum("tij,tij->ti", ones, ones)
+    own = np.einsum("tij,tij->ti", rows, ones) / np.where(squares > 0.0, squares, 1.0)
+    rows -= own[..., None] * ones
+    if (np.einsum("tij,tij->ti", rows, rows) > np.square(ALIKE) * np.square(own) * squares).any():
+        return None
+    part = np.ones(stack.shape[:2])
+    part[:, again] = own
+    return folded.owner, part
 
 
-def _within(repeats: list[tuple[np.ndarray, np.ndarray]], factors: np.ndarray, given: np.ndarray) -> np.ndarray:
+def _within(owner: np.ndarray, part: np.ndarray, factors: np.ndarray, given: np.ndarray) -> np.ndarray:
     """The part of multipliers (T, n) with which proportional rows, times factors (n), cancel one another."""
-    found = np.zeros_like(given)
-    for members, part in repeats:
-        own = factors[members] * part
-        squares = np.square(own).sum(axis=1)
-        along = np.einsum("tm,tm->t", own, given[:, members]) / np.where(squares > 0.0, squares, 1.0)
-        found[:, members] = given[:, members] - along[:, None] * own
+    own, count = factors * part, int(owner.max(initial=-1)) + 1
+    sums = np.zeros((2, len(given), count))
+    for row, of in enumerate(owner.tolist()):
+        sums[0, :, of] += own[:, row] * given[:, row]
+        sums[1, :, of] += np.square(own[:, row])
+    along = sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0)
+    found = given - along[:, owner] * own
+    found[:, np.bincount(owner, minlength=count)[owner] == 1] = 0.0
     return found
 
 
