@@ -34,6 +34,9 @@ from oarlock.poses.assembly import Assembly
 SAMPLES = 24
 """So many poses of a motion at most, equally spaced, are closed and looked at."""
 
+FEWEST, WORK = 8, 2_000_000
+"""Of many rows they are fewer: so many numbers of J in all, but no fewer poses than that."""
+
 AROUND = 0.3
 """rad or m. Without a motion, so far from the start are the poses that are looked at."""
 
@@ -134,9 +137,8 @@ def find_uniqueness(
     """
     assembly = Assembly(model, data)
     looked_at: list[tuple[Loops, list[_Look]]] = []
-    for pose in (
-        _poses(assembly) if qpos is None else qpos[np.unique(np.linspace(0, len(qpos) - 1, SAMPLES).astype(int))]
-    ):
+    most = min(SAMPLES, max(FEWEST, WORK // max(1, len(assembly.rows) * model.nv)))
+    for pose in _poses(assembly) if qpos is None else qpos[np.unique(np.linspace(0, len(qpos) - 1, most).astype(int))]:
         assembly.place(pose)
         loops = loops_at(assembly, assembly.close(), dependent=False)
         looked_at.append((loops, _looks(assembly, loops)))

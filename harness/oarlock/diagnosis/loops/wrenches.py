@@ -15,7 +15,7 @@ from oarlock.base.errors import InputError
 from oarlock.diagnosis.loops.forces import coupling_slope, quat_product, torque_map, turns
 from oarlock.diagnosis.loops.loops import Loops, loops_at, scales_along
 from oarlock.mechanics.coupled import coupled, coupled_ids
-from oarlock.mechanics.folding import ALIKE, fold
+from oarlock.mechanics.folding import ALIKE, Folded, fold
 from oarlock.mechanics.names import Equality
 from oarlock.poses.assembly import Assembly
 
@@ -93,6 +93,7 @@ def wrenches(
         loops = loops_at(assembly, assembly.close(), dependent=False)
     scales = scales_along(assembly, qpos)
     turned, slopes, free = _Turned(assembly, len(qpos)), np.zeros((len(qpos), len(assembly.equalities))), []
+    classes: dict[int, Folded] = {}
     couplings = [number for number, one in enumerate(assembly.equalities) if not one.kind.joins_points]
     size = max(1, _CHUNK // max(1, len(assembly.rows) * model.nv))
     for first in range(0, len(qpos), size):
@@ -104,7 +105,7 @@ def wrenches(
             turned.read(first + at)
             for number in couplings:
                 slopes[first + at, number] = coupling_slope(assembly, assembly.equalities[number])
-        free.append(_free_part(assembly, loops, poses, stack, scales, multipliers[first : first + size]))
+        free.append(_free_part(assembly, loops, poses, stack, scales, multipliers[first : first + size], classes))
     undetermined = np.concatenate(free) if free else np.zeros(expected)
     found = []
     for number, equality in enumerate(assembly.equalities):
@@ -124,8 +125,12 @@ def _free_part(
     stack: np.ndarray,
     scales: np.ndarray,
     multipliers: np.ndarray,
+    classes: dict[int, Folded],
 ) -> np.ndarray:
-    """The part of multipliers (T, n) in null(Jᵀ), at poses, from scaled rows (T, n, nv) and the ranks of the groups."""
+    """The part of multipliers (T, n) in null(Jᵀ), at poses, from scaled rows (T, n, nv) and the ranks of the groups.
+
+    ``classes`` keeps the proportional rows of every group, as they are at the first pose of all.
+    """
     whitened: np.ndarray | None = None
     found = np.zeros_like(multipliers)
     for number, group in enumerate(loops.groups):
@@ -135,7 +140,9 @@ def _free_part(
         rows = rows[scales[rows] > 0.0]
         if len(rows) <= group.rank:
             continue
-        repeats = _repeats(stack[:, rows], group.rank)
+        if number not in classes:
+            classes[number] = fold(stack[0, rows])
+        repeats = _repeats(stack[:, rows], classes[number], group.rank)
         if repeats is not None:
             found[:, rows] = _within(*repeats, 1.0 / scales[rows], multipliers[:, rows])
             continue
@@ -151,12 +158,11 @@ def _free_part(
     return found
 
 
-def _repeats(stack: np.ndarray, rank: int) -> tuple[np.ndarray, np.ndarray] | None:
+def _repeats(stack: np.ndarray, folded: Folded, rank: int) -> tuple[np.ndarray, np.ndarray] | None:
     """Class of every row of (T, n, nv), (n), and what it is of the first row of that, (T, n).
 
     None where rows depend on one another otherwise too, or are proportional or zero at some poses only.
     """
-    folded = fold(stack[0])
     if len(folded.rows) > rank or (folded.owner < 0).any():
         return None
     if folded.alone.all():
