@@ -28,6 +28,7 @@ from oarlock.diagnosis.runs.exact import ExactRun, record_exact
 from oarlock.diagnosis.runs.fights import Fight, find_fight
 from oarlock.diagnosis.runs.lag import Lag, find_lags
 from oarlock.diagnosis.runs.lasting import Lasting, find_lasting
+from oarlock.diagnosis.runs.overdriven import Overdriven, find_overdriven
 from oarlock.diagnosis.runs.pace import Pace, find_pace
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
@@ -36,7 +37,7 @@ from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
 from oarlock.diagnosis.runs.trials import Made, Start
-from oarlock.diagnosis.runs.without import Without, find_fed, find_without, starving
+from oarlock.diagnosis.runs.without import Without, find_fed, find_finer, find_without, starving
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
@@ -104,6 +105,7 @@ class Examination:
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
         stopped: limits that open an equality of their loop in MuJoCo's run.
+        overdriven: servos that pull a loop apart which has not so much freedom.
         fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         missing: part → why it is not there.
@@ -144,6 +146,7 @@ class Examination:
     lags: tuple[Lag, ...] = ()
     stops: Stops | None = None
     stopped: tuple[Stopped, ...] = ()
+    overdriven: tuple[Overdriven, ...] = ()
     fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
@@ -336,6 +339,7 @@ def _run(found: Examination) -> None:
         if found.closed and found.recording.steps:
             least = max(found.target, VISIBLE)
             found.stopped = find_stopped(found.recording, found.drifts, found.pose.loops, least)
+            found.overdriven = find_overdriven(found.recording, found.drifts, found.pose.loops, least)
         found.lags = find_lags(found.recording, VISIBLE)
         found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:
@@ -370,6 +374,8 @@ def _causes(found: Examination) -> None:
         return
     if found.recording.end.how == "diverged":
         found.without = find_fed(found.recording, found.steps)
+        if not any(one.left for one in found.without) and not _known(found):
+            found.without += find_finer(found.recording, found.steps)
     with _Reason(found, "causes"):
         attribution = attribute(found.recording)
         if attribution.holds:
@@ -381,6 +387,12 @@ def _causes(found: Examination) -> None:
                 f"MuJoCo's rows do not follow the law of an oscillator (defect {attribution.defect:.1g}), "
                 f"as under the integrator '{found.recording.integrator}'"
             )
+
+
+def _known(found: Examination) -> bool:
+    """Whether a row, a servo or a damper is unstable by itself: then that is what makes a run diverge."""
+    remarks = [one for lint in ("servo", "damper") for one in found.remarks.get(lint, [])]
+    return any(one.severity != "note" for one in remarks) or not all(one.stable for one in found.settings)
 
 
 def _taken_away(found: Examination, attribution: Attribution) -> None:

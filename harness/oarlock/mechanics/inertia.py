@@ -73,12 +73,16 @@ class Inertia:
         owners = data.efc_id[: data.ne]
         gaps = np.abs(data.efc_pos[: data.ne])
         levers = np.abs(jacobian[:, self._turns]).max(axis=1, initial=0.0)
-        for owner in dict.fromkeys(owners.tolist()):
-            own = np.flatnonzero(owners == owner)
-            kind = self._model.eq_type[owner]
-            moved = own[:3] if kind == mujoco.mjtEq.mjEQ_WELD else own
-            length = float(levers[moved].max(initial=0.0))
-            gaps[moved] = 0.0 if length == 0.0 or kind == mujoco.mjtEq.mjEQ_JOINT else gaps[moved] / length
+        kinds = self._model.eq_type[owners]
+        _, begins, of = np.unique(owners, return_index=True, return_inverse=True)
+        # Of a weld the rotation comes after the three rows of its point.
+        moved = (kinds != mujoco.mjtEq.mjEQ_WELD) | (np.arange(len(owners)) - begins[of] < 3)
+        lengths = np.zeros(len(begins))
+        np.maximum.at(lengths, of[moved], levers[moved])
+        length = np.where(kinds == mujoco.mjtEq.mjEQ_JOINT, 0.0, lengths[of])
+        gaps[moved & (length == 0.0)] = 0.0
+        turned = moved & (length > 0.0)
+        gaps[turned] /= length[turned]
         self.system.hold_rank(gaps, owners.tolist())
 
     def acceleration(self, data: mujoco.MjData, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

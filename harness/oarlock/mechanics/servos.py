@@ -1,4 +1,4 @@
-"""Actuators that are position servos of one joint: where a control leads to, and which one holds a position."""
+"""Actuators that are position servos: where a control leads to, and which one holds a position."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ _FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
 
 @dataclass(frozen=True)
 class Servo:
-    """A position servo on a hinge or slide: a force g u + b0 + b1 l of its control u and its length l = gear · q.
+    """A position servo: a force g u + b0 + b1 l of its control u and its length l = gear · q.
 
     Attributes:
-        index: of the actuator; joint: that it drives.
+        index: of the actuator; joint: that it drives, or tendon, of which q is the length; −1: not of that kind.
         name: of the actuator.
         gain: g; constant: b0; stiffness: −b1; gear.
     """
@@ -31,13 +31,14 @@ class Servo:
     constant: float
     stiffness: float
     gear: float
+    tendon: int = -1
 
     def reached(self, control: float) -> float:
-        """Where a control leads the joint to without a load, rad or m."""
+        """Where a control leads q to without a load, rad or m."""
         return (self.gain * control + self.constant) / (self.stiffness * self.gear)
 
     def holding(self, position: float) -> float:
-        """The control that leads the joint there."""
+        """The control that leads q there."""
         return (self.stiffness * self.gear * position - self.constant) / self.gain
 
     def told(self, model: mujoco.MjModel, control: float) -> float:
@@ -50,13 +51,21 @@ class Servo:
 def servos(model: mujoco.MjModel) -> Iterator[Servo]:
     """The position servos on hinges and slides."""
     for index in range(model.nu):
-        joint, gear = int(model.actuator_trnid[index, 0]), float(model.actuator_gear[index, 0])
-        constant, slope = model.actuator_biasprm[index, :2].tolist()
-        gain = float(model.actuator_gainprm[index, 0])
-        if model.actuator_biastype[index] != _AFFINE or model.actuator_gaintype[index] != _FIXED:
-            continue
-        if model.actuator_trntype[index] not in _ON_JOINT or model.jnt_type[joint] not in _ONE:
-            continue
-        if slope < 0.0 and gear and gain:
-            name = element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index)
-            yield Servo(index, joint, name, gain, constant, -slope, gear)
+        joint = int(model.actuator_trnid[index, 0])
+        if model.actuator_trntype[index] in _ON_JOINT and model.jnt_type[joint] in _ONE:
+            yield from _servo(model, index, joint=joint)
+
+
+def tendon_servos(model: mujoco.MjModel) -> Iterator[Servo]:
+    """The position servos on tendons."""
+    for index in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON).tolist():
+        yield from _servo(model, index, tendon=int(model.actuator_trnid[index, 0]))
+
+
+def _servo(model: mujoco.MjModel, index: int, *, joint: int = -1, tendon: int = -1) -> Iterator[Servo]:
+    gear, gain = float(model.actuator_gear[index, 0]), float(model.actuator_gainprm[index, 0])
+    constant, slope = model.actuator_biasprm[index, :2].tolist()
+    affine = model.actuator_biastype[index] == _AFFINE and model.actuator_gaintype[index] == _FIXED
+    if affine and slope < 0.0 and gear and gain:
+        name = element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index)
+        yield Servo(index, joint, name, gain, constant, -slope, gear, tendon)

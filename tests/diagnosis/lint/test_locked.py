@@ -2,10 +2,11 @@
 
 import mujoco
 import numpy as np
+import oarlock
 import pytest
 from oarlock.diagnosis.lint.locked import without
 from oarlock.mechanics.load import load_model
-from seen import CHECK, of_file, only
+from seen import CHECK, of_file, of_text, only, runs
 
 
 @pytest.mark.parametrize(
@@ -59,3 +60,49 @@ def closed(model: mujoco.MjModel) -> np.ndarray:
     mujoco.mj_forward(model, data)
     assert np.abs(data.efc_pos[: data.ne]).max() < 1e-9
     return data.qpos.copy()
+
+
+# A slot that is closed as if it were a hole.
+
+QUICK = """<mujoco><compiler angle="radian"/><option timestep="0.001" gravity="0 0 0"/>
+  <default><geom contype="0" conaffinity="0"/><joint axis="0 1 0" damping="0.01"/></default><worldbody>
+  <body name="crank" pos="0 0 0.3"><joint name="crank"/><geom type="capsule" fromto="0 0 0 0.08 0 0" size="0.01"/>
+    <site name="pin" pos="0.08 0 0"/></body>
+  <body name="lever" pos="0 0.02 0" euler="0 {turn} 0"><joint name="lever"/>
+    <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.01"/>{end}</body></worldbody>
+  <equality><connect name="pin" site1="pin" site2="place"/></equality>
+  <actuator><motor joint="crank"/></actuator><keyframe><key name="go" ctrl="0.3"/></keyframe></mujoco>"""
+"""A quick return: the crank's pin at (0.08, 0.3) slides along a lever about the origin."""
+
+PLACE = '<site name="place" pos="{length} -0.02 0"/>'
+BLOCK = """<body name="block" pos="{length} -0.02 0"><joint name="block" type="slide" axis="1 0 0" damping="0.1"/>
+  <geom size="0.01"/><site name="place"/></body>"""
+
+
+def quick(end: str) -> str:
+    length, turn = float(np.hypot(0.08, 0.3)), -float(np.arctan2(0.3, 0.08))
+    return QUICK.format(turn=turn, end=end.format(length=length))
+
+
+def turned(text: str) -> float:
+    """The most that the crank turns in a second of plain MuJoCo."""
+    return max(abs(float(data.qpos[0])) for _, data in runs(text, 1.0))
+
+
+def test_the_directions_along_which_a_pin_has_to_slide():
+    """With a block that slides so the crank turns in plain MuJoCo, further than a pin's softness lets it."""
+    one = only(of_text(quick(PLACE)), "S3")
+    assert one.severity == "warning"
+    slots = one.line.partition("it would move without 'pin', or if its pin slid ")[2]
+    assert "along x of 'crank' or 'lever'" in slots
+    assert "along y" not in slots
+    assert slots.endswith(", as in a slot")
+    assert turned(quick(PLACE)) < 0.1
+    assert turned(quick(BLOCK)) > 1.0
+
+
+def test_a_check_says_it_too(tmp_path):
+    path = tmp_path / "quick.xml"
+    path.write_text(quick(PLACE))
+    (one,) = [one for one in oarlock.check(path, budget=0, duration=0.1).verdict if one.code == "S3"]
+    assert "along x of 'crank' or 'lever'" in one.line

@@ -9,7 +9,7 @@ import pytest
 from diagnosis.verdict.test_verdicts import examined
 from oarlock.diagnosis.verdict.answer import answer
 from oarlock.diagnosis.verdict.verdicts import judge
-from seen import of_text, only
+from seen import of_text, only, runs
 from tolerances import CLOSED
 
 
@@ -142,6 +142,81 @@ def test_a_control_in_degrees_leads_what_comes_of_it(tmp_path):
 def test_controls_that_are_no_degrees(ctrl):
     text = RODS.format(motor=SERVO.format(gear=1), ctrl=f'ctrl="{ctrl}"')
     assert "A2" not in {one.code for one in of_text(text, 0)}
+
+
+# Controls in another unit.
+
+JAWS = """<mujoco><compiler angle="radian" autolimits="true"/><option timestep="0.001"/>
+  <default><geom contype="0" conaffinity="0" mass="0.05"/><joint damping="4"/></default><worldbody>
+  <body name="a"><joint name="a" type="{kind}" axis="0 1 0" range="-0.01 {end}"/>
+    <geom size="0.01" pos="0.05 0 0"/></body>
+  <body name="b" pos="0 0.2 0"><joint name="b" type="{kind}" axis="0 -1 0" range="-0.01 {end}"/>
+    <geom size="0.01" pos="0.05 0 0"/></body></worldbody>
+  <tendon><fixed name="both"><joint joint="a" coef="0.5"/><joint joint="b" coef="0.5"/></fixed></tendon>
+  <equality><joint name="same" joint1="b" joint2="a"/></equality>
+  <actuator>{servo}</actuator><keyframe><key name="shut" ctrl="{ctrl}"/></keyframe></mujoco>"""
+ON_JOINT = '<position name="grip" joint="a" kp="150" {}/>'
+ON_TENDON = '<position name="grip" tendon="both" kp="150" {}/>'
+
+
+def jaws(servo: str, ctrl: float, kind: str = "slide", end: float = 0.04) -> str:
+    return JAWS.format(servo=servo, ctrl=repr(ctrl), kind=kind, end=end)
+
+
+@pytest.mark.parametrize("actuator", [ON_JOINT, ON_TENDON])
+@pytest.mark.parametrize(
+    ("limits", "ctrl", "said"),
+    [
+        ('ctrlrange="0 255"', 255.0, "another unit was meant? 0.04 leads it to its end; for its ctrlrange 0 255"),
+        ('ctrlrange="0 100"', 80.0, "another unit was meant? 0.04"),
+        ("", 30.0, "millimetres were meant? 30 mm are 0.03"),
+    ],
+)
+def test_a_control_that_leads_far_beyond_the_range(actuator, limits, ctrl, said):
+    """With the control that is named plain MuJoCo keeps the joints in their ranges; with the given one it does not."""
+    text = jaws(actuator.format(limits), ctrl)
+    one = only(of_text(text, 0), "A2")
+    assert said in one.line
+    assert (one.element, one.severity, one.figures["loops"]) == ("grip", "error", ["same"])
+    assert furthest(text) > 0.4  # ten times its range
+    assert furthest(jaws(actuator.format(limits), one.figures["wanted"])) < 0.045
+
+
+def furthest(text: str) -> float:
+    return max(float(np.abs(data.qpos).max()) for _, data in runs(text, 0.5))
+
+
+def test_the_gain_that_is_named_makes_its_ctrlrange_the_range():
+    one = only(of_text(jaws(ON_JOINT.format('ctrlrange="0 255"'), 255.0), 0), "A2")
+    gain = float(one.line.rpartition("gainprm ")[2].split()[0])
+    servo = f'<general name="grip" joint="a" ctrlrange="0 255" gainprm="{gain}" biastype="affine" biasprm="0 -150 0"/>'
+    text = jaws(servo, 255.0)
+    assert "A2" not in {one.code for one in of_text(text, 0)}
+    *_, (_, data) = runs(text, 1.0)
+    assert data.qpos[0] == pytest.approx(0.04, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("limits", "ctrl", "kind", "end"),
+    [
+        ("", 0.2, "slide", 0.04),  # presses
+        ('forcerange="-40 40"', 255.0, "slide", 0.04),
+        ('ctrlrange="0 0.04"', 255.0, "slide", 0.04),  # which MuJoCo clamps
+        ("", 2.0, "hinge", 0.8),
+    ],
+)
+def test_controls_that_are_in_no_other_unit(limits, ctrl, kind, end):
+    assert "A2" not in {one.code for one in of_text(jaws(ON_JOINT.format(limits), ctrl, kind, end), 0)}
+
+
+def test_counts_for_a_hinge_are_the_answer_and_no_wider_range_is(tmp_path):
+    path = tmp_path / "counts.xml"
+    path.write_text(jaws(ON_JOINT.format('ctrlrange="0 255"'), 255.0, "hinge", 0.8))
+    exam = examined(path)
+    findings = judge(exam)
+    assert findings[0].code == "A2"
+    assert "C5" not in {one.code for one in findings}
+    assert answer(exam, findings).startswith("'grip': ctrl 255 leads joint 'a' to 255 rad")
 
 
 # Swapped joints.

@@ -113,6 +113,17 @@ def test_a_damper_that_is_too_stiff_is_named_and_not_the_spring():
     assert lasts(paddles().replace('timestep="0.002"', 'timestep="0.002" integrator="implicitfast"'))
 
 
+@pytest.mark.parametrize(("kp", "kv"), [(35.0, 0.06), (13.0, 0.2), (20.0, 0.115)])
+def test_where_spring_and_damper_are_too_stiff_each_alone_other_cures_are_named(kp, kv):
+    """No bound on one of them cures it; the armature that is named does, with whatever digits it is told."""
+    one = only(of_text(paddles(kp, kv), 0), "A1")
+    assert not {"kp_stable", "kv_stable"} & set(one.figures)
+    assert lasts(paddles(kp, kv, armature=one.figures["armature"]))
+    assert not lasts(paddles(kp, kv, armature=0.6 * one.figures["armature"]))
+    assert "implicitfast" in one.line
+    assert lasts(paddles(kp, kv).replace('timestep="0.002"', 'timestep="0.002" integrator="implicitfast"'))
+
+
 def test_the_bounds_with_the_loops_and_without_them():
     """The coupling doubles the inertia: without it kv breaks at half."""
     one = only(of_text(paddles(), 0), "A1")

@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+import oarlock
 import pytest
 from seen import of_file, of_text, only, text_of
 from tolerances import CLOSED
@@ -125,6 +126,44 @@ def test_a_keyframe_that_closes_is_not_named():
     text = text_of("drawn_apart.xml").replace('qpos="0.4 0 0.1"', 'qpos="0 0 0"')
     assert "S6" not in {one.code for one in of_text(text, 0)}
     assert only(of_file("drawn_apart.xml"), "S6").figures["gap"] == pytest.approx(0.156, abs=5e-4)
+
+
+CARRIED = """<mujoco><compiler angle="radian"/><worldbody>
+  <body name="arm" pos="0 0 1" quat="0.9 0.1 -0.3 0.2"><joint name="arm" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"/>
+    <body name="hand" pos="0.3 0 0"><joint name="hand" axis="0 0 1"/><geom size="0.04"/></body></body>
+  <body name="crate" pos="0.8 0.2 0.9"><freejoint name="crate"/><geom type="box" size="0.05 0.06 0.07"/></body>
+  </worldbody>
+  <equality><weld name="hold" body1="{first}" body2="{second}" {attributes}/></equality>
+  <keyframe><key name="else" qpos="0 0 0.8 0.2 0.9 1 0 0 0"/>
+    <key name="held" qpos="0.4 -0.7 0.5 0.3 0.6 0.8 0.1 0.5 -0.2"/></keyframe></mujoco>"""
+
+
+@pytest.mark.parametrize(("first", "second"), [("hand", "crate"), ("crate", "hand")])
+@pytest.mark.parametrize("attributes", ["", 'anchor="0.05 0.02 -0.1"'])
+def test_the_relpose_that_holds_what_a_keyframe_has(first, second, attributes):
+    """With it the keyframe is closed in plain MuJoCo to the digits of a file."""
+
+    def open_by(given: str) -> float:
+        model = mujoco.MjModel.from_xml_string(CARRIED.format(first=first, second=second, attributes=given))
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 1)
+        mujoco.mj_forward(model, data)
+        return float(np.abs(data.efc_pos).max())
+
+    one = only(of_text(CARRIED.format(first=first, second=second, attributes=attributes), 1), "S6")
+    assert one.figures["keyframe"] == "held"
+    assert open_by(attributes) > 0.1
+    assert open_by(f'{attributes} relpose="{one.figures["wanted"]}"') < 1e-5
+
+
+def test_a_start_that_a_weld_does_not_hold_is_told_with_its_relpose(tmp_path):
+    path = tmp_path / "carried.xml"
+    path.write_text(CARRIED.format(first="hand", second="crate", attributes=""))
+    wanted = only(of_text(path.read_text(), 1), "S6").figures["wanted"]
+    one = only(oarlock.check(path, keyframe="held", budget=0, duration=0.1).verdict, "S1")
+    assert f'relpose="{wanted}" holds it as it starts' in one.line
+    assert "S1" not in {one.code for one in oarlock.check(path, keyframe="else", budget=0, duration=0.1).verdict}
 
 
 # Orientations.

@@ -129,7 +129,10 @@ def test_friction_that_makes_a_coupling_lag_is_found(tmp_path, friction, lags):
         (one,) = found
         assert one.element == "mimic"
         assert "'driven'" in one.line
-        assert one.figures["without"] < 0.5 * one.figures["given"]
+        given, without = one.figures["given"], one.figures["without"]
+        assert without < 0.5 * given
+        assert f"by {given:.4g} rad, by {without:.3g} rad without" in one.line
+        assert one.cost == pytest.approx((given - without) * checked.examination.size, rel=1e-12)
         exact = checked.examination.exact
         assert exact is not None
         assert exact.drift[:, 0].max() < 1e-12

@@ -59,6 +59,7 @@ NAMES = {
     "A2": "unit",
     "A3": "jump",
     "A4": "stiff-damping",
+    "A5": "overdriven",
     "T6": "under-damped",
     "V1": "version",
     "V2": "sparse-newton",

@@ -5,6 +5,7 @@ own pose. So that pose says nothing about the mechanism; a keyframe that stands 
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,6 +19,9 @@ OPEN = 0.01
 
 EXACT = 1e-9
 """Of the size: what was computed from the pose is closed there to rounding."""
+
+ROUNDED = 1e-9
+"""m, and of a quaternion: less is rounding of a zero."""
 
 KEYFRAMES = 50
 """So many are looked at."""
@@ -43,11 +47,31 @@ def look(view: View) -> Iterator[Remark]:
     for name, (gap, key) in worst.items():
         if gap > OPEN * size:
             keyframe = element_name(model, mujoco.mjtObj.mjOBJ_KEY, key)
-            said = (
-                f"stands open by {told(gap)} m in keyframe '{keyframe}'; it is closed in the model's own pose, "
-                "but only because MuJoCo defines its second anchor there: one of the two poses is not what was meant"
-            )
-            yield Remark("S6", said, name, figures={"keyframe": keyframe, "gap": gap})
+            figures: dict[str, Any] = {"keyframe": keyframe, "gap": gap}
+            said = f"stands open by {told(gap)} m in keyframe '{keyframe}'; it is closed in the model's own pose, "
+            one = next(each for each in joins if each.name == name)
+            if one.kind.turns:
+                mujoco.mj_resetDataKeyframe(model, data, key)
+                mujoco.mj_kinematics(model, data)
+                wanted = figures["wanted"] = _relpose(model, data, one)
+                said += f'of which it holds the relative pose: with relpose="{wanted}" it holds that of the keyframe'
+            else:
+                said += (
+                    "but only because MuJoCo defines its second anchor there: one of the two poses is not what was "
+                    "meant"
+                )
+            yield Remark("S6", said, name, figures=figures)
+
+
+def _relpose(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> str:
+    """A pose of the second body of a weld, at its anchor, in the frame of the first, as in a file."""
+    first, second = one.bodies
+    place = data.xpos[second] + data.xmat[second].reshape(3, 3) @ model.eq_data[one.index, :3]
+    position = data.xmat[first].reshape(3, 3).T @ (place - data.xpos[first])
+    back, turn = np.zeros(4), np.zeros(4)
+    mujoco.mju_negQuat(back, data.xquat[first])
+    mujoco.mju_mulQuat(turn, back, data.xquat[second])
+    return " ".join(f"{0.0 if abs(value) < ROUNDED else value:.6g}" for value in (*position, *turn))
 
 
 def _gap(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> float:

@@ -10,6 +10,7 @@ from oarlock.base.text import quoted
 from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.diagnosis.loops.loops import Loop
 from oarlock.diagnosis.loops.mobility import Tilt
+from oarlock.diagnosis.loops.release import find_release
 
 MEANT = 0.05
 """Smallest singular value of a group that is locked, of the largest: above it no small error locked it."""
@@ -27,19 +28,25 @@ def look(view: View) -> Iterator[Remark]:
         frees = [loop.name for loop in own if loop.freed]
         figures = {"dof": 0, "kept": group.spectrum.kept}
         severity = how_bad(view.model, own, tilts, group.spectrum.kept)
-        yield Remark("S3", sentence(tilts, group.equalities, frees), group.equalities[0], severity, figures)
+        slide = ""
+        if severity == "warning" and len(own) == 1:
+            assembly, (member,) = view.assembly, view.loops.members(number)
+            slide = find_release(assembly, member, view.loops.dofs(number), assembly.data.qpos.copy())
+        yield Remark("S3", sentence(tilts, group.equalities, frees, slide), group.equalities[0], severity, figures)
 
 
-def sentence(tilts: Sequence[Tilt], equalities: Sequence[str], frees: Sequence[str]) -> str:
+def sentence(tilts: Sequence[Tilt], equalities: Sequence[str], frees: Sequence[str], slide: str = "") -> str:
     """What is said of a group that is locked.
 
     Args:
         tilts: joints whose axes are off.
         equalities: of the group.
         frees: those without which it would move, one at a time.
+        slide: along what its pin would have to slide; empty: no such thing is said.
     """
     axes = [f"the axis of {quoted(one.joint)} is tilted by {one.radians:.3g} rad" for one in tilts]
-    return "; ".join(["closed, and nothing of its loop can move", *axes, *without(equalities, frees)])
+    said = "; ".join(["closed, and nothing of its loop can move", *axes, *without(equalities, frees)])
+    return f"{said}, or if its pin slid {slide}, as in a slot" if slide else said
 
 
 def without(equalities: Sequence[str], frees: Sequence[str]) -> list[str]:

@@ -38,8 +38,8 @@ the formula is that of a deviation whose sign turns with every step, and others 
 ALIKE = 0.05
 """Relative. Of two bounds closer than that, with the loops and without them, one is told."""
 
-MARGIN = 1.02
-"""Times the armature at the edge, which is told with two digits."""
+MARGIN = 1.06
+"""Times the armature at the edge, which is told with two digits: rounding takes up to a twentieth."""
 
 UNSTABLE = "unstable by itself"
 """What is said of one that a step at the start does not bear; a run tells whether it is borne elsewhere."""
@@ -274,7 +274,7 @@ def _remark(view: View, linears: tuple[Linear, Linear], ones: list[Feedback]) ->
     safe = [_below(what, own[what], *found) for what, found in bounds.items()]
     step = _timestep(view, ones)
     armature = _armature(view, ones)
-    late = not closed.taken_late and "kv" in bounds and _bears(view, ones, late=True)
+    late = not closed.taken_late and first.damper > 0.0 and _bears(view, ones, late=True)
     safe += [f"armature {armature:.2g} on its joint"] if armature else []
     safe += ["integrator implicitfast"] if late else []
     safe += [f"a timestep of {rounded_down(step * free.h, 2):g} s"] if step else []

@@ -42,6 +42,9 @@ ROUNDED = 2e-3
 CLOSES = 0.01
 """Relative, of a constant that closes a coupling once it is read in degrees: what the digits of a keyframe leave."""
 
+ROOM = 2.0
+"""Times what a hinge can do: so many degrees are a target beyond it, more are counts."""
+
 PLACES = 64
 """Of a range at which a polynomial is looked at."""
 
@@ -137,7 +140,7 @@ def _of_told(view: View) -> Iterator[Remark]:
     for one in servos(model):
         control = one.told(model, float(view.data.ctrl[one.index]))
         reached = one.reached(control)
-        if model.jnt_type[one.joint] == _HINGE and degrees(reached) and abs(reached) > _limit(model, one.joint):
+        if in_degrees(model, one.joint, reached):
             found.append((one, control, reached))
     if found:
         one, control, reached = found[0]
@@ -149,6 +152,13 @@ def _of_told(view: View) -> Iterator[Remark]:
         yield replace(remark, figures={**remark.figures, "loops": view.around(each.joint for each, *_ in found)})
 
 
+def in_degrees(model: mujoco.MjModel, joint: int, reached: float) -> bool:
+    """Whether a servo is told a plain number of degrees, which as an angle are about what its hinge can do."""
+    limit = _limit(model, joint)
+    hinge = model.jnt_type[joint] == _HINGE and degrees(reached) and abs(reached) > limit
+    return bool(hinge and math.radians(abs(reached)) <= ROOM * limit)
+
+
 def _of_couplings(view: View) -> Iterator[Remark]:
     """Where a coupling of hinges begins: beyond what they can do, or where degrees would close it."""
     model, plain = view.model, []
@@ -157,7 +167,7 @@ def _of_couplings(view: View) -> Iterator[Remark]:
             continue
         offset = float(model.eq_data[one.index, 0])
         meant = math.radians(offset)
-        beyond = not _met(model, one, offset) and _met(model, one, meant)
+        beyond = not met(model, one, offset) and met(model, one, meant)
         closes = abs(offset) > CONSISTENT and _off(view, one, meant) <= CLOSES * abs(meant)
         if beyond or closes:
             ranges = ", which the ranges of its joints do not admit" if beyond else ""
@@ -182,7 +192,7 @@ def _off(view: View, one: Equality, offset: float) -> float:
     return abs(first - offset - (second[0] * follows if second else 0.0))
 
 
-def _met(model: mujoco.MjModel, one: Equality, offset: float) -> bool:
+def met(model: mujoco.MjModel, one: Equality, offset: float) -> bool:
     """Whether a coupling with some constant is met somewhere inside the ranges of its joints."""
     ranges = []
     for joint in coupled_ids(model, one.index):

@@ -14,6 +14,7 @@ import numpy as np
 
 from oarlock.diagnosis.loops.loops import Loops, scaled_rows
 from oarlock.diagnosis.loops.rank import spectrum
+from oarlock.diagnosis.loops.release import find_release
 from oarlock.mechanics.names import element_name
 from oarlock.poses.assembly import Assembly
 from oarlock.poses.paths import PARALLEL, path_of
@@ -21,8 +22,8 @@ from oarlock.poses.paths import PARALLEL, path_of
 PROBE = 0.02
 """rad or m. A step along a motion, longer than what separates a double root from two, shorter than a limb."""
 
-GETS_AWAY = 0.5
-"""Of that step: who is left with less was pulled back."""
+GETS_AWAY = 0.1
+"""Of that step: who is left with less was pulled back. Closing moves what is light, and straightens half of a chain."""
 
 TILTED = 0.5
 """rad. A hinge that stands further off the others' axis is not meant to be parallel to them."""
@@ -58,6 +59,7 @@ class Mobility:
         kept: smallest singular value of its rank, of the largest: a mechanism that is locked because of a small error
             has a small one.
         frees: equalities without which it would have a degree of freedom.
+        slide: along what the pin of the only one would have to slide for it to move, in words; empty: nothing of it.
     """
 
     equalities: tuple[str, ...]
@@ -66,6 +68,7 @@ class Mobility:
     moves: bool
     kept: float
     frees: tuple[str, ...]
+    slide: str = ""
 
     @property
     def locked(self) -> bool:
@@ -96,7 +99,8 @@ def find_mobility(assembly: Assembly, loops: Loops) -> tuple[Mobility, ...]:
         if not moves and group.dof:  # ranks tell what is admitted here, and not what gets away
             freed |= {one for one in members if _moves_without(assembly, members, loops.dofs(number), one, pose)}
         frees = tuple(loops.loops[one].name for one in members if one in freed)
-        found.append(Mobility(group.equalities, group.dof, near, moves, group.spectrum.kept, frees))
+        slide = "" if moves or len(members) > 1 else find_release(assembly, members[0], loops.dofs(number), pose)
+        found.append(Mobility(group.equalities, group.dof, near, moves, group.spectrum.kept, frees, slide))
     assembly.place(pose)
     return tuple(found)
 

@@ -30,6 +30,7 @@ class Lag:
         given: its deviation over the last part of the run, m or rad, as a median; without: that of the same run without
             their friction loss.
         stuck: part of the steps in which their friction holds them.
+        unit: of the deviations.
     """
 
     equality: str
@@ -37,6 +38,7 @@ class Lag:
     given: float
     without: float
     stuck: float
+    unit: str
 
 
 def find_lags(recording: Recording, visible: float) -> tuple[Lag, ...]:
@@ -63,7 +65,7 @@ def find_lags(recording: Recording, visible: float) -> tuple[Lag, ...]:
         names = tuple(element_name(model, _JOINT, joint) for joint in rubbing)
         if without < HALF * given:
             holds = max(stuck.get(f"friction of {called('joint', name)}", 0.0) for name in names)
-            found.append(Lag(equality.name, names, given, without, holds))
+            found.append(Lag(equality.name, names, given, without, holds, equality.unit))
     return tuple(found)
 
 

@@ -39,6 +39,9 @@ CORRECTIONS = 4
 HALVINGS = 6
 """So often a timestep is halved where a run diverges and gives no drift to compute with."""
 
+TWICE = 2
+"""So often where it is a disturbed start from which it diverges: what whips then does so at any timestep."""
+
 SEEDS = (1, 2)
 """Disturbed starts that a recipe is verified from."""
 
@@ -231,12 +234,15 @@ class _Search:
             return "not-reached", reason, authored
         best = self._best(integrator_of(self._model).name, float(self._model.opt.timestep)) or authored
         verified = self._verify(best, starts) if best.drift <= self._target else []
+        first = best, verified
         for _ in range(CORRECTIONS):
             worst = max((trial.drift for trial in verified), default=0.0)
-            if worst <= self._target or not math.isfinite(worst):
+            if worst <= self._target:
                 break
-            way = self._way(best)
-            shorter = self._shorter(best.setting.timestep_s, worst)
+            way, now = self._way(best), best.setting.timestep_s
+            if not math.isfinite(worst) and now < first[0].setting.timestep_s / 2 ** (TWICE - 0.5):
+                break
+            shorter = self._shorter(now, worst) if math.isfinite(worst) else 0.5 * now
             again = self._try(f"{way}, for disturbed starts", self._set(way, shorter, best.setting.integrator))
             if again is None:
                 break
@@ -246,6 +252,8 @@ class _Search:
         if self._short:
             best = self._best_so_far()
             return "undecided", f"{self._short}; {self._so_far(best, starts)}", best
+        if not all(math.isfinite(trial.drift) for trial in verified):  # shorter steps were of no use
+            best, verified = first
         return "not-reached", self._failure(best, verified), best
 
     def _holds(self, trial: Trial, verified: list[Trial], starts: list[Start]) -> bool:
@@ -460,13 +468,20 @@ class _Search:
             return f"no run so far stays finite: {best.end.message}"
         if best.drift > self._target:
             return f"{quoted(best.equality.name)} opens by {best.drift:.2g} {best.unit} at best so far"
-        own = f"'{best.label}' at {best.setting.timestep_s:g} s holds from the user's own start"
+        own = self._own_of(best)
         tried = self._tried(best.setting, starts)
         worst = max(tried, key=lambda trial: trial.drift, default=best)
         if worst.drift > self._target:
-            opened = f"{quoted(worst.equality.name)} opens by {worst.drift:.2g} {worst.unit}"
-            return f"{own}, but from a disturbed one {opened if math.isfinite(worst.drift) else 'the run diverges'}"
+            return f"{own}, but from a disturbed one {self._opened(worst)}"
         return f"{own}, and {len(tried)} of {len(starts)} disturbed ones were tried"
+
+    def _own_of(self, best: Trial) -> str:
+        return f"'{best.label}' at {best.setting.timestep_s:g} s holds from the user's own start"
+
+    def _opened(self, trial: Trial) -> str:
+        if not math.isfinite(trial.drift):
+            return "the run diverges"
+        return f"{quoted(trial.equality.name)} opens by {trial.drift:.2g} {trial.unit}"
 
     def _failure(self, best: Trial, verified: list[Trial]) -> str:
         said = []
@@ -474,7 +489,7 @@ class _Search:
         if not math.isfinite(best.drift):
             said.append(f"no run stays finite: {best.end.message}")
         elif best.drift <= self._target:
-            said.append(f"from a disturbed start {quoted(worst.equality.name)} opens by {worst.drift:.2g} {worst.unit}")
+            said.append(f"{self._own_of(best)}, but from a disturbed one {self._opened(worst)}")
         else:
             said.append(f"{quoted(best.equality.name)} opens by {best.drift:.2g} {best.unit} at best")
         if self._refused:

@@ -30,6 +30,9 @@ from oarlock.poses.layout import Layout
 PARTS = 4
 """Of a timestep: what a Euler step leaves falls to a quarter or a sixteenth."""
 
+FINEST = 16
+"""Of a timestep: where a run that diverges still does, no shorter one is looked for."""
+
 MOST_STEPS = 40_000
 """Of such a run: a longer one takes more than the rest of a check."""
 
@@ -56,10 +59,12 @@ class Without:
         cause: what was taken away.
         left: equality → its largest gap about the moment at which it was worst, or of the whole run where the run with
             the cause diverged; empty where this run did.
+        parts: of a timestep that were taken in place of it.
     """
 
     cause: Cause
     left: dict[str, Opening]
+    parts: int = 1
 
     def part(self, equality: str, given: float) -> float | None:
         """How much of a gap (m or rad) the cause makes, 0 to 1; None where the run did not last."""
@@ -95,6 +100,21 @@ def find_fed(recording: Recording, steps: int) -> list[Without]:
     return [_without("solver", recording, 1, given.enough.apply, steps)]
 
 
+def find_finer(recording: Recording, steps: int) -> list[Without]:
+    """A run that diverged with shorter steps, down to the first that stays finite; empty where none does.
+
+    Args:
+        recording: MuJoCo's run as configured.
+        steps: how many it had made if it had stayed finite.
+    """
+    for parts in (PARTS, FINEST):
+        if parts * steps <= MOST_STEPS:
+            finer = _without("stepping", recording, parts, lambda model, parts=parts: _finer(model, parts), steps)
+            if finer.left:
+                return [finer]
+    return []
+
+
 def _stopped_early(recording: Recording) -> bool:
     if recording.iterations.max(initial=0) >= recording.model.opt.iterations:
         return True
@@ -119,10 +139,10 @@ def implicit(model: mujoco.MjModel, integrator: str) -> bool:
     return integrator in ("implicit", "implicitfast")
 
 
-def _finer(model: mujoco.MjModel) -> None:
+def _finer(model: mujoco.MjModel, parts: int = PARTS) -> None:
     for equality, one in zip(Layout.of(model).equalities, stability(model), strict=True):
         model.eq_solref[equality.index] = one.settings.effective
-    model.opt.timestep /= PARTS
+    model.opt.timestep /= parts
 
 
 def _explicit(model: mujoco.MjModel) -> None:
@@ -141,9 +161,9 @@ def _without(
     change(model)
     again = rerun(recording, model, parts=parts, steps=steps)
     if again is None:
-        return Without(cause, {})
+        return Without(cause, {}, parts)
     every = enumerate(recording.layout.equalities)
-    return Without(cause, {one.name: left_about(recording, place, again.position) for place, one in every})
+    return Without(cause, {one.name: left_about(recording, place, again.position) for place, one in every}, parts)
 
 
 def left_about(recording: Recording, place: int, position: np.ndarray) -> Opening:

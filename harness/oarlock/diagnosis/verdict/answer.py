@@ -20,10 +20,10 @@ _BECAUSE = {
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
-_BEYOND = ("A2", "A3", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
+_BEYOND = ("A2", "A3", "A5", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
 """What no settings mend: something else in the file has to be another one."""
 
-_PREDICATES = ("is ", "stands ", "stays ", "cannot ", "gives ")
+_PREDICATES = ("is ", "opens ", "stands ", "stays ", "cannot ", "gives ")
 """How a line begins of which the element is the subject."""
 
 
@@ -40,7 +40,7 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
     if bad and (not holds or bad[0].severity == "error"):
         why = _cause(worst, bad)
         said = _own(why) if why.code not in _BECAUSE else f"{_opens(exam, worst)}: {_BECAUSE[why.code]}"
-        return said if why.code in _BEYOND else f"{said}{_mended(exam)}"
+        return said if why.code in _BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
     if holds:
         return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(exam, worst, 'at most ')}"
     return f"{_opens(exam, worst)}{_mended(exam)}"
@@ -71,10 +71,23 @@ def _opens(exam: Examination, worst: Drift, most: str = "") -> str:
     return f"{quoted(worst.equality)} opens by {most}{' and '.join(parts)} at t = {worst.time_s:.4g} s"
 
 
-def _mended(exam: Examination) -> str:
+def _mended_alone(exam: Examination, what: str) -> str:
+    """What holds from the user's own start, and not from disturbed ones."""
+    recipe = exam.recipe
+    if recipe is None or recipe.outcome != "not-reached" or not recipe.chosen.drift <= recipe.target:
+        return ""
+    setting = recipe.chosen.setting
+    solref = "" if setting.solref is None else f'solref "{setting.solref[0]:g} {setting.solref[1]:g}" and '
+    most = "opens by at most" if what == "it" else "opens by more than"
+    whence = "from its own start alone" if exam.pose is None or exam.pose.consistent else "from the closed start alone"
+    return f"; {whence}, with {solref}a timestep of {setting.timestep_s:g} s {what} {most} {held(recipe.chosen)}"
+
+
+def _mended(exam: Examination, what: str = "it") -> str:
     recipe = exam.recipe
     if recipe is None or recipe.outcome != "reached":
-        return ""
+        return _mended_alone(exam, what)
     left = max([recipe.chosen, *recipe.verified], key=lambda one: one.drift)
     whence = "from the closed start, " if exam.pose is not None and not exam.pose.consistent else ""
-    return f"; {whence}with {recipe.reason} it opens by at most {held(left)}"
+    most = "opens by at most" if what == "it" else "opens by more than"
+    return f"; {whence}with {recipe.reason} {what} {most} {held(left)}"

@@ -30,6 +30,9 @@ SCALE = 3.0
 UNSURE = 0.25
 """Of the drift at its worst moment: a second cause with so large a part is named too."""
 
+GENTLE = 0.5
+"""Of the impedance at the end of a solimp: one that begins lower lets a closed row go."""
+
 SAGS = 1.5
 """Times the largest sum of |f r|: a load that is let go takes f r once, and what overshoots is less than half of it. So
 much work is that of a loop that sags, which is compliance, and no motion that fades."""
@@ -92,6 +95,8 @@ def drift(exam: Examination) -> Iterator[Finding]:
         also = {one.name: abs(one.worst) for one, *_ in members if one is not share}
         if also:
             said += f"; for the same reason also {in_words(list(also))}"
+        if code == "D1":
+            said += _gentle(exam, share)
         severity: Severity | None = None if worst.largest > VISIBLE else "note"
         figures = _figures(share, worst) | {"part": part.size} | ({"also": list(also)} if also else {})
         yield found(code, exam.file, said, element=share.name, severity=severity, **figures)
@@ -103,6 +108,16 @@ def drift(exam: Examination) -> Iterator[Finding]:
             said = f"the row that drifts most, {label}, is {softer[name]:.3g} times softer than solimp says"
             one = found("D5", exam.file, said, element=name, severity=severity, ratio=softer[name])
             yield _with_others(one, rest)
+
+
+def _gentle(exam: Examination, share: Share) -> str:
+    """What is said of a solimp that begins far below where it ends, so that a closed row holds next to nothing."""
+    assert exam.attribution is not None
+    equality = exam.attribution.recording.layout.equalities[_place(exam, share)]
+    low, high, width = exam.model.eq_solimp[equality.index, :3].tolist()
+    if not low < GENTLE * high:
+        return ""
+    return f"; its solimp begins at {low:g} and comes to {high:g} only where it is open by {width:g} {equality.unit}"
 
 
 @dataclass(frozen=True)
@@ -330,7 +345,8 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         yield found("T5", exam.file, said, **figures)
         return
     if not recipe.reached:
-        said = f"the target of {recipe.target:g} is not reached, at best {held(after)}: {recipe.reason}"
+        best = f", at best {held(after)}" if chosen.drift > recipe.target else " from every start"
+        said = f"the target of {recipe.target:g} is not reached{best}: {recipe.reason}"
         yield found("T3", exam.file, said, element=after.equality.name, **figures)
         return
     whence = "" if before.start == recipe.authored.start else ", from a disturbed start"

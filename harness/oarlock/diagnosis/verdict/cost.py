@@ -13,7 +13,7 @@ from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
 
-_CAUSES = ("A1", "A2", "A3", "A4", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
+_CAUSES = ("A1", "A2", "A3", "A4", "A5", "C2", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
 
@@ -73,6 +73,11 @@ def _collision(exam: Examination, finding: Finding) -> float:
     return _turned(exam, finding, max(0.0, given - without))
 
 
+def _lag(exam: Examination, finding: Finding) -> float:
+    figures = finding.figures
+    return _turned(exam, finding, figures["given"] - figures["without"])
+
+
 def _turned(exam: Examination, finding: Finding, value: float | None) -> float:
     """A figure whose unit is beside it."""
     return float(value or 0.0) * (exam.size if finding.figures.get("unit") == "rad" else 1.0)
@@ -114,7 +119,8 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "D8": _whole,
     "S3": _whole,
     "S7": _whole,
-    "C2": _figure("given"),
+    "C2": _lag,
+    "A5": _collision,
     "C4": _collision,
     "C5": _collision,
     "S1": _opened,

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Iterable, Iterator
 
-from oarlock.base.numbers import percent
+from oarlock.base.errors import few
+from oarlock.base.numbers import figure, percent
 from oarlock.base.text import called, quoted
 from oarlock.diagnosis.examination import Examination, starved
 from oarlock.diagnosis.runs.drifts import VISIBLE
@@ -95,6 +96,21 @@ def pace(exam: Examination) -> Iterator[Finding]:
         force=one.force if one.driver else None,
         also=blamed[1:],
     )
+
+
+def overdriven(exam: Examination) -> Iterator[Finding]:
+    """A5: servos that are told what their loop cannot do."""
+    for one in exam.overdriven:
+        given, without = (figure(value, one.unit) for value in (one.drift, one.drift_without))
+        freedom = "the one degree of freedom" if one.dof == 1 else f"the {one.dof} degrees of freedom"
+        kept = "any one" if one.dof == 1 else f"any {one.dof}"
+        said = (
+            f"opens by {given}, and by at most {without} with {kept} of its {len(one.servos)} servos alone: "
+            f"{in_words(list(one.servos))} are told {few(list(one.told), last='and')}, more than {freedom} of the loop "
+            "can follow"
+        )
+        figures = {"drift": one.drift, "drift_without": one.drift_without, "unit": one.unit, "dof": one.dof}
+        yield found("A5", exam.file, said, element=one.equality, also=list(one.others), **figures)
 
 
 def lasting(exam: Examination) -> Iterator[Finding]:

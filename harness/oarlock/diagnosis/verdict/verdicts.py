@@ -21,6 +21,7 @@ from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
+from oarlock.diagnosis.runs.without import FINEST, PARTS
 from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import priced
@@ -29,6 +30,11 @@ from oarlock.mechanics.names import element_name
 
 _PAIRS = 3
 """So many pairs of rows that say the same are named."""
+
+ROUNDS = 1e-9
+"""Relative, of a timestep."""
+
+_PARTS = {PARTS: "quarter", FINEST: "sixteenth"}
 
 _JOINT, _EQUALITY = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_EQUALITY
 
@@ -58,6 +64,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         _settings,
         _run,
         motions.pace,
+        motions.overdriven,
         blame.drift,
         motions.unfed,
         blame.energy,
@@ -74,7 +81,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
 
 # What is seen without a run.
 
-_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4",), "S7": ("S3", "S4")}
+_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4", "C5"), "S7": ("S3", "S4")}
 """Code of a remark → those of findings which say the same of its equality, only less of it, or what comes of it."""
 
 
@@ -106,7 +113,7 @@ def _unsaid(exam: Examination, findings: Iterable[Finding]) -> Iterator[Finding]
         for remarks in exam.remarks.values()
         for one in remarks
         for code in _SAID.get(one.code, ())
-        for name in (one.element, *one.figures.get("also", ()))
+        for name in (one.element, *one.figures.get("also", ()), *one.figures.get("loops", ()))
     }
     for one in findings:
         if (one.code, one.element) not in said:
@@ -220,8 +227,8 @@ def _start(exam: Examination) -> Iterator[Finding]:
         return
     for one in pose.mobility:
         if one.locked:
-            said = locked.sentence(pose.tilts, one.equalities, one.frees)
             severity = blame.lock(exam, one)
+            said = locked.sentence(pose.tilts, one.equalities, one.frees, one.slide if severity == "warning" else "")
             figures = {"also": list(one.equalities[1:]), "dof": one.dof, "kept": one.kept}
             yield found("S3", file, said, element=one.equalities[0], severity=severity, **figures)
     if not pose.consistent:
@@ -234,10 +241,20 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g}{_unit(exam, pose)}")
     if pose.outside:
         more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
-    one = opened.of(pose.openings, pose.speeds, more)
+    one = opened.of(pose.openings, pose.speeds, [*more, *_as_it_starts(exam)])
     figures = {**one.figures, "moved": pose.moved}
     severity = "note" if one.element in _offsets(exam) else one.severity
     return found("S1", exam.file, one.line, element=one.element, severity=severity, **figures)
+
+
+def _as_it_starts(exam: Examination) -> Iterator[str]:
+    """The relpose of the weld that stands open most, if it holds that of the model's own pose."""
+    assert exam.pose is not None
+    worst = max(exam.pose.openings, key=lambda one: one.largest)
+    for one in exam.remarks.get("defined", []):
+        own = f"keyframe {quoted(one.figures['keyframe'])}" == exam.begins
+        if own and one.element == worst.equality and "wanted" in one.figures:
+            yield f'relpose="{one.figures["wanted"]}" holds it as it starts'
 
 
 def _offsets(exam: Examination) -> set[str]:
@@ -290,7 +307,8 @@ def _run(exam: Examination) -> Iterator[Finding]:
     if recording is None:
         return
     if recording.end.how == "diverged":
-        yield found("R1", exam.file, recording.end.message, time_s=recording.end.time_s)
+        said = "; ".join([recording.end.message, *_lasts_finer(exam)])
+        yield found("R1", exam.file, said, time_s=recording.end.time_s)
     if recording.pushes:
         first = min(push.first_s for push in recording.pushes)
         last = max(push.last_s for push in recording.pushes)
@@ -299,6 +317,20 @@ def _run(exam: Examination) -> Iterator[Finding]:
             said += "; noslip changes MuJoCo's forces after its solver, and not those of the exact solution"
         yield found("R2", exam.file, said, first_s=first, last_s=last)
     yield from _fights(exam)
+
+
+def _lasts_finer(exam: Examination) -> Iterator[str]:
+    """What shorter steps make of a run that diverges."""
+    for one in exam.without:
+        if one.cause == "stepping" and one.left:
+            worst = max(one.left.values(), key=lambda opening: opening.largest)
+            shorter, recipe = exam.timestep_s / one.parts, exam.recipe
+            said = f"with a timestep of {shorter:g} s, a {_PARTS[one.parts]} of it, it stays finite"
+            # Stiffer rows hold it with no shorter steps than that.
+            chosen = recipe.chosen if recipe is not None and recipe.chosen.drift <= exam.target else None
+            soft = chosen is not None and chosen.setting.timestep_s >= (1.0 - ROUNDS) * shorter
+            softly = ", for it is too soft as well" if soft and worst.largest > exam.target else ""
+            yield f"{said}, and {quoted(worst.equality)} opens by {worst}{softly}"
 
 
 def _pushes(pushes: tuple[Push, ...]) -> str:
@@ -328,11 +360,13 @@ def _fights(exam: Examination) -> Iterator[Finding]:
     for lag in exam.lags:
         joints = in_words(list(lag.joints))
         said = (
-            f"stays open by {lag.given:.4g}, by {lag.without:.3g} without the friction loss of {joints}, which "
-            f"holds in {percent(lag.stuck)} of the steps"
+            f"stays open by {lag.given:.4g} {lag.unit}, by {lag.without:.3g} {lag.unit} without the friction loss of "
+            f"{joints}, which holds in {percent(lag.stuck)} of the steps"
         )
-        yield found("C2", exam.file, said, element=lag.equality, given=lag.given, without=lag.without)
-    if exam.stops is not None and not _offsets(exam):  # with such an offset the closed start is another one
+        figures = {"given": lag.given, "without": lag.without, "unit": lag.unit}
+        yield found("C2", exam.file, said, element=lag.equality, **figures)
+    # With such an offset the closed start is another one; and of ranges that do not meet more is said already.
+    if exam.stops is not None and not _offsets(exam) and not exam.remarks.get("ranges"):
         whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
         said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole} left"
         yield found("C3", exam.file, said, dof=exam.stops.dof)

@@ -1,0 +1,117 @@
+"""More servos on a loop than it has freedom, told poses that it cannot have together: they pull it apart."""
+
+import itertools
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from oarlock.diagnosis.loops.loops import Group, Loops
+from oarlock.diagnosis.runs.drifts import Drift
+from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.runs.rerun import rerun
+from oarlock.diagnosis.runs.walking import own_copy
+from oarlock.diagnosis.runs.without import MOST, left_about
+from oarlock.mechanics.names import element_name
+from oarlock.mechanics.servos import Servo, servos
+
+CHOICES = 10
+"""Of servos to keep: of more no run is made."""
+
+_JOINT = mujoco.mjtObj.mjOBJ_JOINT
+
+
+@dataclass(frozen=True)
+class Overdriven:
+    """Servos that fight one another through a loop.
+
+    Attributes:
+        equality: of the loop, that opens furthest; others: of the group that open too.
+        servos: their names; told: where each is told to be at that moment, with the joint, in words.
+        dof: degrees of freedom that the loops of the group leave.
+        drift: how far the equality opens, m or rad; drift_without: the most about that moment with ``dof`` of the
+            servos alone, whichever they are.
+        unit: of the two.
+    """
+
+    equality: str
+    others: tuple[str, ...]
+    servos: tuple[str, ...]
+    told: tuple[str, ...]
+    dof: int
+    drift: float
+    drift_without: float
+    unit: str
+
+
+def find_overdriven(recording: Recording, drifts: list[Drift], loops: Loops, least: float) -> tuple[Overdriven, ...]:
+    """Makes the run again with as many servos of a group as it has freedom, for every choice of them.
+
+    A load that opens a loop opens it with some of the choices too; what none of them opens is made by their number.
+
+    Args:
+        recording: MuJoCo's run as configured.
+        drifts: of its equalities.
+        loops: at the closed start.
+        least: drifts below it are not worth a run, m or rad.
+    """
+    if recording.end.how != "finished":
+        return ()
+    worst = {one.equality: one for one in drifts if one.level == "position" and one.largest > least}
+    found = []
+    for group in loops.groups:
+        drifting = sorted(
+            (worst[name] for name in group.equalities if name in worst), key=lambda one: one.largest, reverse=True
+        )
+        own = [one for one in servos(recording.model) if _joint(recording, one) in group.joints]
+        if not drifting or not 0 < group.dof < len(own):
+            continue
+        left = _left(recording, drifting[0], group, own)
+        if left is not None and left <= (1.0 - MOST) * drifting[0].largest:
+            found.append(_overdriven(recording, drifting, group, own, left))
+    return tuple(found)
+
+
+def _joint(recording: Recording, one: Servo) -> str:
+    return element_name(recording.model, _JOINT, one.joint)
+
+
+def _left(recording: Recording, drift: Drift, group: Group, own: list[Servo]) -> float | None:
+    """The most of a drift (m or rad) with any choice of its servos; None where a run does not last."""
+    choices = list(itertools.combinations(own, group.dof))
+    if len(choices) > CHOICES:
+        return None
+    place, most = _place(recording, drift), 0.0
+    for kept in choices:
+        model = own_copy(recording.model)
+        off = [one.index for one in own if one not in kept]
+        model.actuator_gainprm[off], model.actuator_biasprm[off] = 0.0, 0.0
+        again = rerun(recording, model)
+        if again is None:
+            return None
+        most = max(most, left_about(recording, place, again.position).largest)
+    return most
+
+
+def _place(recording: Recording, drift: Drift) -> int:
+    return [one.name for one in recording.layout.equalities].index(drift.equality)
+
+
+def _overdriven(recording: Recording, drifting: list[Drift], group: Group, own: list[Servo], left: float) -> Overdriven:
+    model, worst = recording.model, drifting[0]
+    step = int(np.abs(recording.time - worst.time_s).argmin())
+    told = []
+    for one in own:
+        unit = "m" if model.jnt_type[one.joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
+        reached = one.reached(one.told(model, float(recording.ctrl[step, one.index])))
+        told.append(f"{_joint(recording, one)} {reached + 0.0:.4g} {unit}")
+    return Overdriven(
+        equality=worst.equality,
+        others=tuple(one.equality for one in drifting[1:]),
+        servos=tuple(one.name for one in own),
+        told=tuple(told),
+        dof=group.dof,
+        drift=worst.largest,
+        drift_without=left,
+        unit="rad" if (worst.radians or 0.0) > (worst.metres or 0.0) else "m",
+    )
