@@ -178,6 +178,12 @@ impl Blocks {
         if explained.is_nan() { f64::INFINITY } else { rank_cut.max(explained) }
     }
 
+    /// Returns how far the rows stand open at most, relative to the lengths that they turn on; 0 where that is not known.
+    #[must_use]
+    pub fn widest_gap(&self) -> f64 {
+        self.gaps.iter().fold(0.0, |most, &gap| if gap <= most { most } else { gap })
+    }
+
     /// Returns the least and the most of that over all blocks.
     #[must_use]
     pub fn explained_of_all(&self, rank_cut: f64) -> (f64, f64) {

@@ -103,13 +103,17 @@ impl Auto {
         if self.chosen_for != sparse.plan {
             let n = problem.len();
             let dense = n * n * (n + problem.work.len());
-            let (dual, primal) = (self.dual.work(sparse), self.primal.work(sparse));
             self.chosen_for = sparse.plan;
-            self.method = match () {
-                () if n <= SMALL || dense < dual.min(primal) => Method::Dense,
-                () if dual <= primal => Method::Dual,
-                () => Method::Primal,
-            };
+            self.method = Method::Dense;
+            if n > SMALL {
+                let primal = self.primal.work(sparse);
+                let dual = self.dual.work_up_to(sparse, primal);
+                self.method = match () {
+                    () if dense < primal.min(dual.unwrap_or(primal)) => Method::Dense,
+                    () if dual.is_some() => Method::Dual,
+                    () => Method::Primal,
+                };
+            }
         }
         self.method
     }

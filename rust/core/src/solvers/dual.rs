@@ -76,10 +76,13 @@ impl Factor {
         }
     }
 
-    /// Multiplications that a solve of this step takes, about.
-    pub(crate) fn work(&mut self, sparse: Sparse<'_>) -> usize {
+    /// Multiplications that a solve of this step takes, about; `None` where they are more than `most`.
+    pub(crate) fn work_up_to(&mut self, sparse: Sparse<'_>, most: usize) -> Option<usize> {
+        if Plan::least_work(sparse) > most {
+            return None;
+        }
         self.plan.plan(sparse);
-        self.plan.work()
+        Some(self.plan.work()).filter(|work| *work <= most)
     }
 
     /// Solves a sparse step into x (`n`); `None` where A is not clearly of full rank, or refinement does not converge.

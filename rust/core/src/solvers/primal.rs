@@ -16,7 +16,7 @@
 //! ```
 //!
 //! lose a part of τ/(σ − τ) of the error a step, some seven digits. x in range(J) is of least norm, and Jᵀ leaves out what of b no x can
-//! reach. A is never formed.
+//! reach. Rows that stand open have a little of what is redundant in their range: there b is filtered first. A is never formed.
 //!
 //! P is the matrix of MuJoCo's own primal solver, M + Jᵀ D J, with the other sign of M. The augmented Lagrangian of Hestenes and Powell
 //! (1969) has M + JᵀJ/ε; its sign says nothing of the rank. Redundancy that no folding takes away, which makes A singular,
@@ -49,7 +49,10 @@ const LEAST: f64 = 1e-12;
 const CLOSED: f64 = 1e-13;
 
 /// Difference between Jᵀ x and M δ, relative to them, at which they are the same but for rounding.
-const BALANCED: f64 = 1e-12;
+const BALANCED: f64 = 1e-11;
+
+/// Rows that stand open by no more, relative to what they turn on, give redundant rows eigenvalues of 1e-20, which do no harm.
+const CLOSED_ROWS: f64 = 1e-10;
 
 /// Size of a correction, relative to the first, that the next one is expected to have when no more are made.
 const REFINED: f64 = 1e-13;
@@ -59,6 +62,12 @@ const ROUNDING: f64 = 1e-10;
 
 /// A correction that is no smaller than this part of the one before says that τ is not small beside what counts.
 const SLOW: f64 = 0.25;
+
+/// One that is no smaller than this part is worth a factor with a smaller τ, whose rounding loses four digits of M.
+const SLUGGISH: f64 = 5e-3;
+
+/// Part of τ that it has.
+const SMALLER: f64 = 1e-3;
 
 /// Corrections that are made at most.
 const STEPS: usize = 8;
@@ -91,12 +100,14 @@ pub(crate) struct Factor {
     /// The patterns that they were found for, and solves since then.
     scaled_for: Option<u64>,
     age: usize,
-    /// τ of each velocity.
+    /// τ of each velocity, and as a part of the largest eigenvalue.
     shifts: Vec<f64>,
+    part: f64,
     /// Of rows: b without what no x can reach, what is left of it, and J times something.
     target: Vec<f64>,
     residual: Vec<f64>,
     image: Vec<f64>,
+    once: Vec<f64>,
     /// Of velocities.
     force: Vec<f64>,
     motion: Vec<f64>,
@@ -119,9 +130,11 @@ impl Factor {
             scaled_for: None,
             age: 0,
             shifts: none(),
+            part: 0.0,
             target: none(),
             residual: none(),
             image: none(),
+            once: none(),
             force: none(),
             motion: none(),
             acceleration: none(),
@@ -146,7 +159,7 @@ impl Factor {
         let sparse = problem.sparse.filter(|sparse| sparse.plan.is_some() && problem.softness.is_none())?;
         self.plan.take(sparse);
         let (n, nv) = (self.plan.rows(), self.plan.ldl.len());
-        for vector in [&mut self.target, &mut self.residual, &mut self.image] {
+        for vector in [&mut self.target, &mut self.residual, &mut self.image, &mut self.once] {
             vector.resize(n, 0.0);
         }
         let Self { shifts, force, motion, acceleration, push, pull, .. } = self;
@@ -159,7 +172,8 @@ impl Factor {
             (self.scaled_for, self.age) = (sparse.plan, 0);
         }
         let rank = self.find_rank(problem)?;
-        let info = self.refine(problem.rhs, x)?;
+        let open = rank < n && problem.blocks.widest_gap() > CLOSED_ROWS;
+        let info = self.refine(problem.rhs, open, x)?;
         Some(Info { rank: Some(rank), ..info })
     }
 
@@ -195,11 +209,11 @@ impl Factor {
 
     /// Positive pivots by island, with τ a part of the largest eigenvalue.
     fn count(&mut self, part: f64) -> Option<()> {
-        let part = part.max(LEAST);
+        self.part = part.max(LEAST);
         for (shift, &island) in self.shifts.iter_mut().zip(&self.plan.islands) {
             let scale = self.scales[island];
             // Velocities that no row touches have P = −M.
-            *shift = if scale > 0.0 { part * scale } else { 1.0 };
+            *shift = if scale > 0.0 { self.part * scale } else { 1.0 };
         }
         if !self.plan.factorise(&self.shifts) {
             return None;
@@ -263,7 +277,7 @@ impl Factor {
     }
 
     /// x = A⁺ b by refinement from 0.
-    fn refine(&mut self, rhs: &[f64], x: &mut [f64]) -> Option<Info> {
+    fn refine(&mut self, rhs: &[f64], open: bool, x: &mut [f64]) -> Option<Info> {
         let size = norm(rhs);
         for vector in [&mut *x, &mut self.acceleration, &mut self.push, &mut self.pull] {
             vector.fill(0.0);
@@ -273,7 +287,8 @@ impl Factor {
         }
         self.target.copy_from_slice(rhs);
         self.residual.copy_from_slice(rhs);
-        let (mut first, mut before, mut left_before) = (0.0, f64::INFINITY, size);
+        let (mut first, mut before, mut smaller) = (0.0, f64::INFINITY, false);
+        let mut left_before = if open { self.leave_out() } else { size };
         for step in 0..STEPS {
             let correction = self.correct(x);
             let Self { target, residual, image, push, pull, .. } = self;
@@ -297,6 +312,13 @@ impl Factor {
             }
             if (stuck && correction > ROUNDING * first) || !left.is_finite() {
                 return None;
+            }
+            if step > 0 && ratio > SLUGGISH && !smaller {
+                smaller = true;
+                self.expected.copy_from_slice(&self.positive);
+                if self.count(SMALLER * self.part).is_none() || self.positive != self.expected {
+                    return None;
+                }
             }
             // What no x can reach stands beside what is left, and its rounding is 1/τ times as large in an acceleration.
             if !(left < SLOW * left_before) {
@@ -336,14 +358,26 @@ impl Factor {
     }
 
     /// Takes what no x can reach out of b and of the residual; gives the norm of the rest.
+    ///
+    /// F = J P⁻¹ Jᵀ is 1 + τ/σ where an eigenvalue counts, and −σ/τ where open rows leave a small one; F² (3 − 2 F) squares both
+    /// errors.
     fn leave_out(&mut self) -> f64 {
-        let Self { plan, target, residual, image, force, .. } = self;
-        plan.transposed_times(residual, force);
-        plan.ldl.solve(force);
-        plan.times(force, image);
-        for ((wanted, residual), reached) in target.iter_mut().zip(&mut *residual).zip(&*image) {
+        let Self { plan, target, residual, image, once, force, .. } = self;
+        image.copy_from_slice(residual);
+        for round in 0..3 {
+            plan.transposed_times(image, force);
+            plan.ldl.solve(force);
+            plan.times(force, image);
+            if round == 1 {
+                once.copy_from_slice(image);
+            }
+        }
+        for ((wanted, residual), (twice, thrice)) in
+            target.iter_mut().zip(&mut *residual).zip(once.iter().zip(&*image))
+        {
+            let reached = 3.0 * twice - 2.0 * thrice;
             *wanted -= *residual - reached;
-            *residual = *reached;
+            *residual = reached;
         }
         norm(residual)
     }

@@ -81,6 +81,20 @@ impl Plan {
         Self { ldl, ..found }
     }
 
+    /// Multiplications that A takes at least, before anything is planned.
+    pub(super) fn least_work(given: Sparse<'_>) -> usize {
+        let Sparse { rows, fold, tree, .. } = given;
+        let mut touching = vec![0_usize; tree.len()];
+        for &row in fold.representatives() {
+            // What a velocity hangs on is touched at least by the row that touches most of it.
+            let longest = rows.row(row).0.iter().max_by_key(|&&velocity| tree.row(velocity).0.len());
+            for &velocity in longest.map_or(&[][..], |&velocity| tree.row(velocity).0) {
+                touching[velocity] += 1;
+            }
+        }
+        touching.iter().map(|count| count * (count + 1) / 2).sum()
+    }
+
     /// Multiplications of both factorisations and of a solve with its residual.
     pub(super) fn work(&self) -> usize {
         self.descents.len() + self.products.len() + 2 * self.ldl.work() + 4 * (self.ldl.size() + self.ldl.len())
