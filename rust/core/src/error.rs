@@ -20,7 +20,9 @@ pub enum Error {
     #[error("a system of a factored step has no accelerations, expected one of M, J and f")]
     Factored,
     /// Compressed rows do not lie one after another within their arrays, or their columns do not rise.
-    #[error("compressed rows of {what} do not fit together, expected one after another, columns rising, within the width")]
+    #[error(
+        "compressed rows of {what} do not fit together, expected one after another, columns rising, within the width"
+    )]
     Pattern {
         /// The matrix's name.
         what: &'static str,

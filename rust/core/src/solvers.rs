@@ -11,7 +11,7 @@
 //! | [`svd`] | `svd`: a second reference, from the singular values of L⁻¹Jᵀ |
 //! | [`cholesky`] | `cholesky`: rank-revealing, minimum norm through a basis of the null space |
 //! | [`dual`] | `dual`: a sparse factor of A, where it is clearly of full rank |
-//! | [`primal`] | `primal`: a sparse factor of JᵀJ − τM, refined; the rank from its inertia |
+//! | [`primal`] | `primal`: a sparse factor of `JᵀJ − τM`, refined; the rank from its inertia |
 //! | [`regularised`] | `cholesky-regularised`: Cholesky of A + ε E with proximal steps |
 //! | [`cg`], [`minres`] | `cg`, `minres`: conjugate gradients and minimum residuals, in the frame of [`krylov`] |
 //!

@@ -6,6 +6,7 @@ mod given;
 mod inspect;
 mod judge;
 mod parts;
+mod planning;
 mod renew;
 mod scale;
 mod sparse;
@@ -15,6 +16,7 @@ use std::mem;
 use self::judge::Judges;
 pub use self::judge::PROMISED;
 pub(crate) use self::parts::Parts;
+use self::planning::Planning;
 use self::scale::{exponent_of_factor, exponent_of_small, power_of_two};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -58,13 +60,7 @@ pub struct ConstrainedSystem {
     mass_factor: DMatrix<f64>,
     /// M, where it lies along a tree.
     tree: Tree,
-    on_tree: bool,
-    /// Number of the patterns of J, M and fold, where the step is sparse and its numbers are of ordinary size.
-    plan: Option<u64>,
-    /// The same of the last sparse step, the pattern of J that it was for, and whether another of the three has changed.
-    plan_number: u64,
-    planned_for: u64,
-    stale: bool,
+    planning: Planning,
     /// J.
     rows: SparseRows,
     /// Rows of J that stand for their class, for somebody else's factor.
@@ -179,11 +175,11 @@ impl ConstrainedSystem {
         Problem {
             wanted,
             blocks: &mut self.blocks,
-            sparse: self.on_tree.then_some(Sparse {
+            sparse: self.planning.on_tree.then_some(Sparse {
                 rows: &self.rows,
                 fold: &self.fold,
                 tree: &self.tree,
-                plan: self.plan,
+                plan: self.planning.plan,
             }),
             whitened: &mut self.whitened,
             softness: self.softness.as_deref(),
@@ -226,7 +222,7 @@ impl ConstrainedSystem {
             self.planned = false;
             if !(self.fold.is_identity() && self.fold.rows() == n) {
                 self.blocks.invalidate();
-                self.stale = true;
+                self.planning.stale = true;
                 self.fold = Fold::identity(n);
             }
         } else if !(self.planned && self.refit()) {
@@ -237,7 +233,7 @@ impl ConstrainedSystem {
                 _ => Fold::find_in(&self.rows),
             };
             self.planned = true;
-            self.stale = true;
+            self.planning.stale = true;
             self.blocks.invalidate();
         }
         let reduced = self.fold.reduced();
@@ -347,7 +343,7 @@ impl ConstrainedSystem {
     /// `known`: J is laid out as the last one.
     fn take_rows(&mut self, jacobian: &JacobianView<'_>, known: bool, regularisation: Option<&[f64]>) {
         self.rows.take(jacobian, known, self.len(), self.nv());
-        (self.on_tree, self.plan) = (false, None);
+        self.planning.leave_tree();
         self.refold(regularisation.is_none());
         match (regularisation, &mut self.softness) {
             (None, softness) => *softness = None,

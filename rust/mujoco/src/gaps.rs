@@ -94,7 +94,7 @@ mod tests {
     fn a_row_that_stands_open_tilts_by_its_gap_over_the_longest_lever() {
         // A rod of 0.5 m on a hinge, its end tied to a point 0.1 m beyond it, and a slide that moves it too.
         let model = model(
-            r#"<mujoco><worldbody><body><joint type="slide" axis="1 0 0"/>
+            r#"<mujoco><worldbody><body><joint type="slide" axis="1 0 0"/><geom size=".1"/>
               <body><joint axis="0 1 0"/><geom size=".1" pos=".25 0 0"/><site name="end" pos=".5 0 0"/></body></body>
               <site name="point" pos=".6 0 0"/></worldbody>
               <equality><connect site1="end" site2="point"/></equality></mujoco>"#,

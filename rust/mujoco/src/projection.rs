@@ -5,9 +5,7 @@
 //! least squares; a violated limit or a penetrating contact is not pushed deeper where the loops leave a choice (Eich 1993, Convergence results for a coordinate projection method applied to mechanical systems with
 //! algebraic constraints). The same as `oarlock.projection`, operation for operation.
 
-use oarlock_core::{
-    ConstrainedSystem, Group, Inequalities, InequalityStep, MultiplierSolver, Wanted,
-};
+use oarlock_core::{ConstrainedSystem, Group, Inequalities, InequalityStep, MultiplierSolver, Wanted};
 
 use crate::error::Error;
 use crate::gaps::Gaps;
@@ -333,7 +331,8 @@ impl Projector {
 /// Largest Σ |J| |v| of an equality row.
 fn largest_sum(data: &Data) -> f64 {
     let (rows, qvel) = (data.jacobian(), data.qvel());
-    let row_sum = |row| sum(rows.row(row, qvel.len()).map(|(column, entry)| entry.abs() * qvel[column].abs()));
+    let row_sum =
+        |row| sum(rows.row(row, qvel.len()).map(|(column, entry)| entry.abs() * qvel[column].abs()));
     (0..data.ne()).map(row_sum).fold(0.0, f64::max)
 }
 

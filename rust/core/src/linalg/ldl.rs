@@ -147,12 +147,11 @@ impl SparseLdl {
         self.ends.copy_from_slice(&self.starts[..n]);
         self.work.fill(0.0);
         let (diagonal, entries) = self.entries.split_at(n);
-        for row in 0..n {
-            let own = self.row_starts[row]..self.row_starts[row + 1];
+        for (row, &entry) in diagonal.iter().enumerate() {
+            let (mut pivot, own) = (entry, self.row_starts[row]..self.row_starts[row + 1]);
             for (&column, &entry) in self.row_columns[own.clone()].iter().zip(&entries[own]) {
                 self.work[column as usize] = entry;
             }
-            let mut pivot = diagonal[row];
             for &column in &self.fill[self.fill_starts[row]..self.fill_starts[row + 1]] {
                 let column = column as usize;
                 let entry = std::mem::take(&mut self.work[column]);
@@ -218,7 +217,9 @@ impl SparseLdl {
 /// Starts and columns of rows, of sorted pairs (row, column).
 fn compress(n: usize, pairs: &[(usize, usize)]) -> (Vec<usize>, Vec<usize>) {
     let mut starts = vec![0; n + 1];
-    pairs.iter().for_each(|&(row, _)| starts[row + 1] += 1);
+    for &(row, _) in pairs {
+        starts[row + 1] += 1;
+    }
     for row in 0..n {
         starts[row + 1] += starts[row];
     }

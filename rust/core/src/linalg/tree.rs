@@ -161,7 +161,8 @@ impl Tree {
         }
         for row in 0..self.len() {
             let (columns, range) = self.above(row);
-            let sum: f64 = columns.iter().zip(&self.factor[range]).map(|(&column, factor)| factor * x[column]).sum();
+            let sum: f64 =
+                columns.iter().zip(&self.factor[range]).map(|(&column, factor)| factor * x[column]).sum();
             x[row] -= sum;
         }
     }
@@ -196,10 +197,12 @@ mod tests {
         for (row, column, entry) in [(1, 0, 0.5), (2, 0, -0.25), (3, 0, 2.0), (3, 2, 0.75)] {
             factor[(row, column)] = entry;
         }
-        let diagonal = nalgebra::DVector::from_iterator(4, VIEW.inverse_diagonal.iter().map(|entry| entry.recip()));
+        let diagonal =
+            nalgebra::DVector::from_iterator(4, VIEW.inverse_diagonal.iter().map(|entry| entry.recip()));
         let dense = factor.transpose() * nalgebra::DMatrix::from_diagonal(&diagonal) * &factor;
-        let mass: Vec<f64> =
-            [(0, 0), (1, 0), (1, 1), (2, 0), (2, 2), (3, 0), (3, 2), (3, 3)].map(|place| dense[place]).to_vec();
+        let mass: Vec<f64> = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 2), (3, 0), (3, 2), (3, 3)]
+            .map(|place| dense[place])
+            .to_vec();
         let view = TreeView { mass: &mass, ..VIEW };
         assert!(view.fits(4) && !tree.knows(&view));
         tree.take(&view, false);

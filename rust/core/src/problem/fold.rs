@@ -81,7 +81,7 @@ impl Fold {
                 fold.members.push(None);
                 continue;
             }
-            let most = row.0.iter().zip(row.1).find(|(_, value)| value.abs() == size);
+            let most = row.0.iter().zip(row.1).find(|(_, value)| value.abs() >= size);
             let near = most.map_or(&[][..], |(&column, _)| &by_column[column]);
             let found = near.iter().find_map(|&class| {
                 fit(row, rows.row(fold.representatives[class]), FOLD_TOLERANCE)
@@ -132,7 +132,7 @@ impl Fold {
                 continue;
             }
             let Some(factor) = fit(row, rows.row(representative), HELD_TOLERANCE) else { return false };
-            moved |= std::mem::replace(&mut member.factor, factor) != factor;
+            moved |= std::mem::replace(&mut member.factor, factor).to_bits() != factor.to_bits();
         }
         if moved {
             self.rescale();
@@ -248,7 +248,8 @@ fn together(row: Row<'_>, other: Row<'_>, mut take: impl FnMut(f64, f64)) {
     }
     let (mut i, mut j) = (0, 0);
     while i < row.0.len() || j < other.0.len() {
-        let (a, b) = (row.0.get(i).copied().unwrap_or(usize::MAX), other.0.get(j).copied().unwrap_or(usize::MAX));
+        let (a, b) =
+            (row.0.get(i).copied().unwrap_or(usize::MAX), other.0.get(j).copied().unwrap_or(usize::MAX));
         take(if a <= b { row.1[i] } else { 0.0 }, if b <= a { other.1[j] } else { 0.0 });
         i += usize::from(a <= b);
         j += usize::from(b <= a);

@@ -36,9 +36,11 @@ impl Whitened {
         let (nv, Sparse { rows, fold, tree, .. }) = (self.columns.nrows(), given);
         let columns = self.columns.as_mut_slice().chunks_exact_mut(nv.max(1));
         for (column, (representative, scale)) in columns.zip(fold.classes()) {
-            rows.scatter(representative, 1.0, column);
+            rows.scatter(representative, 1.0, &mut *column);
             tree.whiten(column);
-            column.iter_mut().for_each(|entry| *entry *= scale);
+            for entry in column {
+                *entry *= scale;
+            }
         }
         self.locate()
     }

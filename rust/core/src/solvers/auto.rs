@@ -12,8 +12,8 @@ use crate::solvers::cholesky::found::Found;
 use crate::solvers::cholesky::{Cholesky, CholeskyParams};
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::pinv::{Pinv, PinvParams};
-use crate::solvers::{dual, primal};
 use crate::solvers::solver::{Solver, State};
+use crate::solvers::{dual, primal};
 
 /// Residual in the least-squares sense, relative to b, above which the fast solver is not believed: a direct solve of a
 /// system with a condition of up to 1e8 leaves 1e-8.
@@ -99,7 +99,9 @@ enum Method {
 impl Auto {
     /// The method that takes least work by the patterns of a step.
     fn choose(&mut self, problem: &Problem<'_>) -> Method {
-        let Some(sparse) = problem.sparse.filter(|sparse| sparse.plan.is_some()) else { return Method::Dense };
+        let Some(sparse) = problem.sparse.filter(|sparse| sparse.plan.is_some()) else {
+            return Method::Dense;
+        };
         if self.chosen_for != sparse.plan {
             let n = problem.len();
             let dense = n * n * (n + problem.work.len());

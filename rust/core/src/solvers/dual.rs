@@ -170,7 +170,8 @@ impl Factor {
             if left <= CLOSED {
                 return Some(left);
             }
-            if !(left < 0.5 * before) {
+            // A NaN gets no further, either.
+            if left >= 0.5 * before || left.is_nan() {
                 return (left <= ACCEPTED).then_some(left);
             }
             before = left;

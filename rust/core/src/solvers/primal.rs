@@ -1,10 +1,10 @@
-//! The sparse direct solver: one factor of JᵀJ − τM gives the rank and, refined, the multipliers of least norm.
+//! The sparse direct solver: one factor of `JᵀJ − τM` gives the rank and, refined, the multipliers of least norm.
 //!
 //! ```text
 //!     P = JᵀJ − τM = L D Lᵀ      nv×nv, sparse as J and M together are
 //! ```
 //!
-//! **The rank.** JᵀJ x = σ M x has the positive eigenvalues of A, and nv − r zeros. So P has as many positive pivots as A has
+//! **The rank.** `JᵀJ x = σ M x` has the positive eigenvalues of A, and nv − r zeros. So P has as many positive pivots as A has
 //! eigenvalues above τ (Sylvester). Where that is the rank that is held, or all rows, or what a second, much smaller τ says
 //! as well, no eigenvalue lies near the cut.
 //!
@@ -19,7 +19,7 @@
 //! reach. Rows that stand open have a little of what is redundant in their range: there b is filtered first. A is never formed.
 //!
 //! P is the matrix of MuJoCo's own primal solver, M + Jᵀ D J, with the other sign of M. The augmented Lagrangian of Hestenes and Powell
-//! (1969) has M + JᵀJ/ε; its sign says nothing of the rank. Redundancy that no folding takes away, which makes A singular,
+//! (1969) has `M + JᵀJ/ε`; its sign says nothing of the rank. Redundancy that no folding takes away, which makes A singular,
 //! costs nothing here, and neither does a deep tree, which makes A dense.
 
 mod plan;
@@ -239,7 +239,9 @@ impl Factor {
             known &= most.is_some();
             self.expected[self.plan.island_of_row[row]] += most.unwrap_or(blocks.of(block).len());
         }
-        if blocks.is_undecided() && (blocks.len() != self.islands_with_rows() || blocks.explained_of_all(cut).1 > cut) {
+        if blocks.is_undecided()
+            && (blocks.len() != self.islands_with_rows() || blocks.explained_of_all(cut).1 > cut)
+        {
             return None;
         }
         self.count(CLEAR * cut)?;
@@ -305,7 +307,7 @@ impl Factor {
             }
             let ratio = correction / before;
             let done = step > 0 && correction * ratio <= REFINED * first;
-            let stuck = step > 0 && !(ratio < SLOW);
+            let stuck = step > 0 && (ratio >= SLOW || ratio.is_nan());
             if balanced && (done || (stuck && correction <= ROUNDING * first)) {
                 left = self.leave_out();
                 return Some(self.figures(rhs, left / size));
@@ -321,7 +323,7 @@ impl Factor {
                 }
             }
             // What no x can reach stands beside what is left, and its rounding is 1/τ times as large in an acceleration.
-            if !(left < SLOW * left_before) {
+            if left >= SLOW * left_before {
                 left = self.leave_out();
             }
             (before, left_before) = (correction, left);
@@ -341,7 +343,8 @@ impl Factor {
             *entry += change;
         }
         plan.mass_times(acceleration, motion);
-        let moved = force.iter().zip(motion.iter().zip(&*push)).map(|(change, (new, old))| change * (new - old));
+        let moved =
+            force.iter().zip(motion.iter().zip(&*push)).map(|(change, (new, old))| change * (new - old));
         let correction = moved.sum::<f64>().max(0.0).sqrt();
         push.copy_from_slice(motion);
         for (entry, pull) in motion.iter_mut().zip(&*pull) {
@@ -401,7 +404,8 @@ pub struct Primal {
 
 impl Solver for Primal {
     type Params = PrimalParams;
-    const SUMMARY: &'static str = "sparse factor of JᵀJ − τM, refined: many loops, deep trees, any redundancy";
+    const SUMMARY: &'static str =
+        "sparse factor of JᵀJ − τM, refined: many loops, deep trees, any redundancy";
     const NEEDS: Needs = Needs::Sparse;
 
     fn rank_cut(&self) -> Option<f64> {

@@ -93,11 +93,11 @@ impl ConstrainedSystem {
         check_len("multipliers", multipliers.len(), &[self.len()])?;
         check_len("qfrc", qfrc.len(), &[self.nv()])?;
         check_len("qacc", qacc.len(), &[self.nv()])?;
-        if self.mass_factor.is_empty() && !self.on_tree && self.nv() > 0 {
+        if self.mass_factor.is_empty() && !self.planning.on_tree && self.nv() > 0 {
             return Err(Error::Factored);
         }
         self.force(multipliers, qfrc)?;
-        if self.on_tree {
+        if self.planning.on_tree {
             self.tree.solve(self.work.as_mut_slice());
         } else {
             self.mass_factor.solve_lower_triangular_mut(&mut self.work);

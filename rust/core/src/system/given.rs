@@ -51,7 +51,7 @@ impl ConstrainedSystem {
             }
         }
         self.rhs.copy_from_slice(rhs);
-        (self.on_tree, self.plan) = (false, None);
+        self.planning.leave_tree();
         self.refold(true);
         // Tᵀ A T, not the representatives' entries: those of a small row are rounding next to its large ones.
         self.dense.fill(0.0);

@@ -12,7 +12,7 @@ impl ConstrainedSystem {
     pub fn full_matrix(&self) -> Vec<f64> {
         let matrix = match self.nv() {
             0 => return self.given.as_slice().to_vec(),
-            _ if self.mass_factor.is_empty() && !self.on_tree => self.unfolded_matrix(),
+            _ if self.mass_factor.is_empty() && !self.planning.on_tree => self.unfolded_matrix(),
             _ => self.product_matrix(),
         };
         matrix.data.into()
@@ -23,11 +23,11 @@ impl ConstrainedSystem {
         let mut whitened = DMatrix::zeros(self.nv(), self.len());
         for (row, column) in whitened.as_mut_slice().chunks_exact_mut(self.nv()).enumerate() {
             self.rows.scatter(row, 1.0, column);
-            if self.on_tree {
+            if self.planning.on_tree {
                 self.tree.whiten(column);
             }
         }
-        if !self.on_tree {
+        if !self.planning.on_tree {
             self.mass_factor.solve_lower_triangular_mut(&mut whitened);
         }
         let mut matrix = whitened.tr_mul(&whitened);

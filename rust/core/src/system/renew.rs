@@ -24,7 +24,7 @@ impl ConstrainedSystem {
     /// # Errors
     /// [`Error::Factored`] where the inertia is somebody else's.
     pub(crate) fn whiten(&self, rows: &mut [f64]) -> Result<(), Error> {
-        if self.on_tree {
+        if self.planning.on_tree {
             rows.chunks_exact_mut(self.nv()).for_each(|row| self.tree.whiten(row));
             return Ok(());
         }

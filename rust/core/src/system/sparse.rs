@@ -27,14 +27,15 @@ impl ConstrainedSystem {
         self.mass_factor = DMatrix::default();
         self.take_rows(&step.jacobian, known, step.regularisation);
         self.tree.take(&step.inertia, same_tree);
-        self.stale |= !same_tree | (self.planned_for != self.rows.generation());
-        self.on_tree = true;
-        if self.stale || !self.blocks.are_found(nv) {
+        self.planning.stale |= !same_tree | (self.planning.rows != self.rows.generation());
+        self.planning.on_tree = true;
+        if self.planning.stale || !self.blocks.are_found(nv) {
             self.find_blocks_by_pattern();
         }
-        if self.stale {
-            (self.stale, self.plan_number) = (false, fresh_generation());
-            self.planned_for = self.rows.generation();
+        if self.planning.stale {
+            self.planning.stale = false;
+            self.planning.number = fresh_generation();
+            self.planning.rows = self.rows.generation();
         }
         self.begin();
         self.unconstrained.copy_from_slice(step.unconstrained);
@@ -42,7 +43,7 @@ impl ConstrainedSystem {
         self.ask(step.aref);
         let ordinary = |value: f64| (1.0 / ORDINARY..=ORDINARY).contains(&value);
         if ordinary(self.rows.most()) && self.tree.inverse_diagonal().iter().all(|&entry| ordinary(entry)) {
-            self.plan = Some(self.plan_number);
+            self.planning.plan = Some(self.planning.number);
             return check_size("b", self.rhs.as_slice()).inspect_err(|_| *self = Self::default());
         }
         self.form_whitened();
@@ -63,7 +64,7 @@ impl ConstrainedSystem {
 
     /// Makes W now, for those who solve beside the equality rows.
     pub(crate) fn form_whitened(&mut self) {
-        if self.on_tree {
+        if self.planning.on_tree {
             self.problem(Wanted::Multipliers).whiten();
         }
     }

@@ -11,7 +11,8 @@ const SOLVED: f64 = 1e-8;
 
 /// Chains, bushes, redundancy that folds and that does not, rows that contradict one another, velocities that no row touches.
 fn shapes() -> Vec<Shape> {
-    let shape = |nv, spread, loops, sums, copies, consistent| Shape { nv, spread, loops, sums, copies, consistent };
+    let shape =
+        |nv, spread, loops, sums, copies, consistent| Shape { nv, spread, loops, sums, copies, consistent };
     vec![
         shape(12, 1, 5, 0, 0, true),
         shape(30, 3, 9, 0, 6, true),
@@ -24,7 +25,11 @@ fn shapes() -> Vec<Shape> {
 }
 
 /// λ, a and figures of a sparse step.
-fn solved(name: &str, system: &mut ConstrainedSystem, step: &SparseStep<'_>) -> (DVector<f64>, DVector<f64>, Info) {
+fn solved(
+    name: &str,
+    system: &mut ConstrainedSystem,
+    step: &SparseStep<'_>,
+) -> (DVector<f64>, DVector<f64>, Info) {
     system.assemble_sparse(step).expect("a good step");
     let (x, info) = solve(&mut *solver(name), system);
     let (mut qfrc, mut qacc) = (DVector::zeros(system.nv()), DVector::zeros(system.nv()));
@@ -47,12 +52,18 @@ fn every_method_gives_the_minimum_norm_and_the_rank_that_eigenvalues_give() {
             dense.acceleration(x.as_slice(), qfrc.as_mut_slice(), qacc.as_mut_slice()).expect("lengths");
             for name in ["auto", "primal", "dual", "cholesky", "pinv"] {
                 let what = format!("{name}, {seed}, {shape:?}");
-                let (multipliers, acceleration, info) = solved(name, &mut ConstrainedSystem::new(), &step.sparse());
+                let (multipliers, acceleration, info) =
+                    solved(name, &mut ConstrainedSystem::new(), &step.sparse());
                 assert_eq!(info.rank, said.rank, "{what}");
                 assert_within(&what, (multipliers - &x).norm(), SOLVED * x.norm());
                 assert_within(&what, (acceleration - &qacc).norm(), SOLVED * qacc.norm());
-                let (apart, expected) = (info.inconsistency.expect("known"), said.inconsistency.expect("known"));
-                assert_within(&what, (apart - expected).abs(), SOLVED * dense.rhs().iter().map(|b| b.abs()).sum::<f64>());
+                let (apart, expected) =
+                    (info.inconsistency.expect("known"), said.inconsistency.expect("known"));
+                assert_within(
+                    &what,
+                    (apart - expected).abs(),
+                    SOLVED * dense.rhs().iter().map(|b| b.abs()).sum::<f64>(),
+                );
                 assert_within(&what, info.residual_rel, SOLVED);
             }
         }
@@ -65,7 +76,8 @@ fn sparse_methods_answer_themselves_where_their_evidence_holds() {
     for seed in 0..40 {
         for shape in shapes() {
             let step = TreeStep::random(seed, shape, 0.0);
-            let answered = |name| solved(name, &mut ConstrainedSystem::new(), &step.sparse()).2.fallbacks == 0;
+            let answered =
+                |name| solved(name, &mut ConstrainedSystem::new(), &step.sparse()).2.fallbacks == 0;
             primal += usize::from(answered("primal"));
             let independent = shape.sums == 0 && shape.loops < shape.nv;
             let by_dual = answered("dual");
@@ -127,7 +139,8 @@ fn a_of_a_sparse_step_is_that_of_the_dense_one() {
 #[test]
 fn loops_on_trees_of_their_own_are_blocks_of_their_own() {
     let (nv, loops) = (12, 4);
-    let entries: Vec<f64> = (0..loops).flat_map(|row| (0..nv).map(move |at| f64::from(u8::from(at / 3 == row)))).collect();
+    let entries: Vec<f64> =
+        (0..loops).flat_map(|row| (0..nv).map(move |at| f64::from(u8::from(at / 3 == row)))).collect();
     let ones = vec![1.0; nv];
     let numbers: Vec<i32> = (0..12).collect();
     let step = SparseStep {
@@ -207,7 +220,9 @@ fn what_does_not_fit_together_is_refused_by_name_and_leaves_the_step() {
     let mut system = ConstrainedSystem::new();
     system.assemble_sparse(&good).expect("good");
     let before = system.rhs().to_vec();
-    let JacobianView::Compressed { lengths, starts, columns, values } = good.jacobian else { panic!("compressed") };
+    let JacobianView::Compressed { lengths, starts, columns, values } = good.jacobian else {
+        panic!("compressed")
+    };
     let mut falling = columns.to_vec();
     falling.swap(0, 1);
     let mut wide = columns.to_vec();

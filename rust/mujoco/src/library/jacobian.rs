@@ -101,7 +101,8 @@ impl Data {
         // SAFETY: the model's arrays of nv; those of nC end with the last row.
         unsafe {
             let (lengths, starts) = (array(view.mass_lengths, nv), array(view.mass_starts, nv));
-            let end = lengths.last().zip(starts.last()).map_or(0, |(&count, &start)| size((count + start).into()));
+            let end =
+                lengths.last().zip(starts.last()).map_or(0, |(&count, &start)| size((count + start).into()));
             TreeView {
                 lengths,
                 starts,

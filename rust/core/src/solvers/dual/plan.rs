@@ -53,7 +53,9 @@ impl Plan {
             for &velocity in columns.iter().rev() {
                 let (above, factors) = tree.above(velocity);
                 let steps = above.iter().zip(factors);
-                found.descents.extend(steps.map(|(&other, factor)| (short(at(other)), short(at(velocity)), short(factor))));
+                found.descents.extend(
+                    steps.map(|(&other, factor)| (short(at(other)), short(at(velocity)), short(factor))),
+                );
             }
             for (offset, &velocity) in columns.iter().enumerate() {
                 touched[velocity].push((class, first + offset));
@@ -73,7 +75,9 @@ impl Plan {
         for all in &touched {
             for (index, &(row, at)) in all.iter().enumerate() {
                 let products = all[..=index].iter();
-                found.products.extend(products.map(|&(other, there)| (short(at), short(there), ldl.home(row, other))));
+                found
+                    .products
+                    .extend(products.map(|&(other, there)| (short(at), short(there), ldl.home(row, other))));
             }
         }
         found.places = (0..ldl.len()).map(|row| short(ldl.place(row))).collect();
@@ -97,7 +101,10 @@ impl Plan {
 
     /// Multiplications of both factorisations and of a solve with its residual.
     pub(super) fn work(&self) -> usize {
-        self.descents.len() + self.products.len() + 2 * self.ldl.work() + 4 * (self.ldl.size() + self.ldl.len())
+        self.descents.len()
+            + self.products.len()
+            + 2 * self.ldl.work()
+            + 4 * (self.ldl.size() + self.ldl.len())
     }
 
     /// Fills A in.

@@ -1,4 +1,4 @@
-//! Where the entries of P = JᵀJ − τM lie, and what is computed with J and M in the order of its elimination.
+//! Where the entries of `P = JᵀJ − τM` lie, and what is computed with J and M in the order of its elimination.
 
 use crate::linalg::ldl::SparseLdl;
 use crate::problem::whitened::Sparse;

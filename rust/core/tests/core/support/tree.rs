@@ -50,10 +50,18 @@ impl TreeStep {
     pub fn random(seed: u64, shape: Shape, moved: f64) -> Self {
         let Shape { nv, spread, loops, sums, copies, consistent } = shape;
         let mut random = Random::new(seed);
-        let parents: Vec<Option<usize>> = (0..nv)
-            .map(|at| if at == 0 || random.one_in(6) { None } else { Some(at - 1 - random.below(spread.min(at))) })
-            .collect();
-        let triples: Vec<[usize; 3]> = (0..loops).map(|at| [at % nv, random.below(nv), random.below(nv)]).collect();
+        let parents: Vec<Option<usize>> =
+            (0..nv)
+                .map(|at| {
+                    if at == 0 || random.one_in(6) {
+                        None
+                    } else {
+                        Some(at - 1 - random.below(spread.min(at)))
+                    }
+                })
+                .collect();
+        let triples: Vec<[usize; 3]> =
+            (0..loops).map(|at| [at % nv, random.below(nv), random.below(nv)]).collect();
         let pairs: Vec<[usize; 2]> = (0..sums).map(|_| [random.below(loops), random.below(loops)]).collect();
         let sources: Vec<usize> = (0..copies).map(|_| random.below(loops)).collect();
         let mut number = |scale: f64| scale * (random.uniform(-1.0, 1.0) + moved * random.uniform(-1.0, 1.0));
@@ -71,7 +79,9 @@ impl TreeStep {
             .iter()
             .map(|triple| {
                 let mut row = DVector::zeros(nv);
-                triple.iter().for_each(|&at| row[at] += 0.3 + number(1.0));
+                for &at in triple {
+                    row[at] += 0.3 + number(1.0);
+                }
                 row
             })
             .collect();
