@@ -17,6 +17,9 @@ def whiten(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.n
     return found
 
 
+SMALL = 8
+"""Up to as many velocities rows are handed over dense, which costs less than their pattern does."""
+
 _ANGULAR = {
     int(mujoco.mjtJoint.mjJNT_FREE): (3, 6),
     int(mujoco.mjtJoint.mjJNT_BALL): (0, 3),
@@ -56,8 +59,11 @@ class Inertia:
             InputError: no rows, or numbers that are not finite.
         """
         model = self._model
-        tree = (model.M_rownnz, model.M_rowadr, model.M_colind, data.M, data.qLD, data.qLDiagInv)
-        self.system.assemble_sparse(jacobian, tree, unconstrained, aref, softness)
+        if model.nv <= SMALL and not mujoco.mj_isSparse(model):
+            self.system.assemble_factored(whiten(model, data, jacobian), jacobian, unconstrained, aref, softness)
+        else:
+            tree = (model.M_rownnz, model.M_rowadr, model.M_colind, data.M, data.qLD, data.qLDiagInv)
+            self.system.assemble_sparse(jacobian, tree, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained
 
     def start_from(self, unconstrained: np.ndarray) -> None:

@@ -112,7 +112,7 @@ impl State {
     /// As [`ask`](Self::ask).
     pub fn ask_equalities(
         &mut self,
-        data: &Data,
+        data: &mut Data,
         form: Form,
         system: &mut ConstrainedSystem,
     ) -> Result<(), Error> {
