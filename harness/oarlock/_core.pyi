@@ -106,7 +106,7 @@ class ConstrainedSystem:
         """
     def assemble_sparse(
         self,
-        jacobian: _Numbers,
+        jacobian: _Numbers | tuple[_Indices, _Indices, _Indices, _Numbers],
         inertia: tuple[_Indices, _Indices, _Indices, _Numbers, _Numbers, _Numbers],
         unconstrained: _Numbers,
         aref: _Numbers,
@@ -114,7 +114,8 @@ class ConstrainedSystem:
     ) -> None:
         """Forms A and b of a mechanism whose inertia lies along a kinematic tree, as MuJoCo keeps it.
 
-        Of J (n×nv), a₀ = M⁻¹ f (nv), aref (n) and, for soft rows, R (n). ``inertia`` has the model's ``M_rownnz``,
+        Of J (n×nv), or its lengths, starts, columns and values as MuJoCo compresses it, a₀ = M⁻¹ f (nv), aref (n) and,
+        for soft rows, R (n). ``inertia`` has the model's ``M_rownnz``,
         ``M_rowadr`` and ``M_colind`` and the data's ``M``, ``qLD`` and ``qLDiagInv``.
 
         Raises:

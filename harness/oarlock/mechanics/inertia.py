@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.core import ConstrainedSystem
+from oarlock.mechanics.rows import compressed
 
 
 def whiten(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.ndarray:
@@ -63,7 +64,8 @@ class Inertia:
             self.system.assemble_factored(whiten(model, data, jacobian), jacobian, unconstrained, aref, softness)
         else:
             tree = (model.M_rownnz, model.M_rowadr, model.M_colind, data.M, data.qLD, data.qLDiagInv)
-            self.system.assemble_sparse(jacobian, tree, unconstrained, aref, softness)
+            rows = compressed(data, len(aref)) if mujoco.mj_isSparse(model) else jacobian
+            self.system.assemble_sparse(rows, tree, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained
 
     def start_from(self, unconstrained: np.ndarray) -> None:

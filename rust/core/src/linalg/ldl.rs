@@ -7,6 +7,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
 
+use crate::linalg::kernels::{axpy, dot_in_lanes, widest};
+
 /// Where entries of a matrix of one pattern lie, and its factor.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct SparseLdl {
@@ -24,6 +26,8 @@ pub(crate) struct SparseLdl {
     starts: Vec<usize>,
     rows: Vec<u32>,
     factor: Vec<f64>,
+    /// From where on the rows of each column follow one another: in what is nearly dense, all of them.
+    tails: Vec<usize>,
     ends: Vec<usize>,
     /// D.
     pivots: Vec<f64>,
@@ -102,6 +106,15 @@ impl SparseLdl {
                 *end += 1;
             }
         }
+        for column in self.starts.windows(2) {
+            let mut tail = column[1];
+            while tail > column[0]
+                && self.rows[tail - 1] as usize + (column[1] - tail) == self.rows[column[1] - 1] as usize
+            {
+                tail -= 1;
+            }
+            self.tails.push(tail);
+        }
     }
 
     /// Number of rows.
@@ -143,6 +156,15 @@ impl SparseLdl {
 
     /// Factorises; false where a pivot is zero or no number.
     pub(crate) fn factorise(&mut self) -> bool {
+        widest(
+            #[inline(always)]
+            || self.factorise_widely(),
+        )
+    }
+
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn factorise_widely(&mut self) -> bool {
         let n = self.places.len();
         self.ends.copy_from_slice(&self.starts[..n]);
         self.work.fill(0.0);
@@ -156,8 +178,13 @@ impl SparseLdl {
                 let column = column as usize;
                 let entry = std::mem::take(&mut self.work[column]);
                 let (start, end) = (self.starts[column], self.ends[column]);
-                for (&below, factor) in self.rows[start..end].iter().zip(&self.factor[start..end]) {
+                let tail = self.tails[column].min(end);
+                for (&below, factor) in self.rows[start..tail].iter().zip(&self.factor[start..tail]) {
                     self.work[below as usize] -= factor * entry;
+                }
+                if tail < end {
+                    let first = self.rows[tail] as usize;
+                    axpy(-entry, &self.factor[tail..end], &mut self.work[first..first + end - tail]);
                 }
                 let scaled = entry * self.inverses[column];
                 pivot -= scaled * entry;
@@ -181,19 +208,34 @@ impl SparseLdl {
 
     /// Solves in place, in the order of elimination.
     pub(crate) fn solve(&self, x: &mut [f64]) {
-        let n = self.places.len();
-        for (column, range) in self.starts.windows(2).enumerate() {
-            let entry = x[column];
-            let range = range[0]..range[1];
-            for (&row, factor) in self.rows[range.clone()].iter().zip(&self.factor[range]) {
+        widest(
+            #[inline(always)]
+            || self.solve_widely(x),
+        );
+    }
+
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn solve_widely(&self, x: &mut [f64]) {
+        for (column, (range, &tail)) in self.starts.windows(2).zip(&self.tails).enumerate() {
+            let (entry, start, end) = (x[column], range[0], range[1]);
+            for (&row, factor) in self.rows[start..tail].iter().zip(&self.factor[start..tail]) {
                 x[row as usize] -= factor * entry;
             }
+            if tail < end {
+                let first = self.rows[tail] as usize;
+                axpy(-entry, &self.factor[tail..end], &mut x[first..first + end - tail]);
+            }
         }
-        for column in (0..n).rev() {
-            let range = self.starts[column]..self.starts[column + 1];
+        for (column, (range, &tail)) in self.starts.windows(2).zip(&self.tails).enumerate().rev() {
+            let (start, end) = (range[0], range[1]);
             let mut entry = x[column] * self.inverses[column];
-            for (&row, factor) in self.rows[range.clone()].iter().zip(&self.factor[range]) {
+            for (&row, factor) in self.rows[start..tail].iter().zip(&self.factor[start..tail]) {
                 entry -= factor * x[row as usize];
+            }
+            if tail < end {
+                let first = self.rows[tail] as usize;
+                entry -= dot_in_lanes(&self.factor[tail..end], &x[first..first + end - tail]);
             }
             x[column] = entry;
         }

@@ -1,7 +1,7 @@
-//! Rows of one width of which only what was not zero once is kept: J of a mechanism with many loops.
+//! Rows of one width of which only a pattern is kept: J of a mechanism with many loops.
 //!
-//! Rows of up to [`SHORT`] entries are whole. Of others the pattern grows where an entry appears that was zero before, and never
-//! shrinks: what is built on it stands until [`SparseRows::generation`] changes. Sums run in the order of the columns, so
+//! Rows of up to [`SHORT`] entries are whole. Of others the pattern is that of compressed rows as they are given, and of dense ones it
+//! grows where an entry appears that was zero before. It never shrinks: what is built on it stands until [`SparseRows::generation`] changes. Sums run in the order of the columns, so
 //! that zeros in the pattern change no bit.
 
 use std::ops::Range;
@@ -233,9 +233,9 @@ impl SparseRows {
         for row in 0..self.count {
             row_columns.clear();
             row_columns.extend_from_slice(&before[known[row]..known[row + 1]]);
-            row_columns.extend(
-                given.row(row, self.width).filter(|(_, value)| *value != 0.0).map(|(column, _)| column),
-            );
+            let sparse = matches!(given, JacobianView::Compressed { .. });
+            let kept = given.row(row, self.width).filter(|(_, value)| sparse || *value != 0.0);
+            row_columns.extend(kept.map(|(column, _)| column));
             row_columns.sort_unstable();
             row_columns.dedup();
             self.columns.extend_from_slice(&row_columns);

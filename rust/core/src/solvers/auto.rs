@@ -1,8 +1,13 @@
-//! The default: the fastest accurate solver by the table of [`bench`](crate::bench), with the reference behind it.
+//! The default: the cheapest method for the structure of a step, with the reference behind it.
 //!
-//! That table says the same at every size from 6 to 192, with a third of the rows redundant: rank-revealing Cholesky. A step
-//! is solved again by [`pinv`](crate::solvers::pinv), and counted as a fallback, where the factor's own figures leave it open whether
-//! eigenvalues would say the same: which of them lie below the cut, or what they span; or where the residual is too large.
+//! | method | where |
+//! |---|---|
+//! | [`dual`](crate::solvers::dual), [`primal`](crate::solvers::primal) | sparse steps of more than six rows: whichever takes fewer multiplications, counted once for their patterns |
+//! | [`cholesky`](crate::solvers::cholesky) | the rest, and where a sparse factor does not prove the rank |
+//! | [`pinv`](crate::solvers::pinv) | where the figures of that leave open which eigenvalues lie below the cut, or what they span, or where the residual is too large |
+//!
+//! Each step to the next is counted as a fallback. Of dense systems from 6 to 192 rows, a third of them redundant, the
+//! table of [`bench`](crate::bench) says the same at every size: rank-revealing Cholesky.
 
 use crate::error::Error;
 use crate::info::Info;
@@ -121,8 +126,8 @@ impl Auto {
     }
 
     /// By a sparse method, where there is one and its evidence holds.
-    fn solve_sparse(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
-        match self.choose(problem) {
+    fn solve_sparse(&mut self, method: Method, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
+        match method {
             Method::Dense => None,
             Method::Dual => self.dual.solve(problem, x).or_else(|| self.primal.solve(problem, x)),
             Method::Primal => self.primal.solve(problem, x),
@@ -155,9 +160,11 @@ impl Solver for Auto {
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
-        if let Some(info) = self.solve_sparse(problem, x) {
+        let method = self.choose(problem);
+        if let Some(info) = self.solve_sparse(method, problem, x) {
             return Ok(info);
         }
+        let fallbacks = usize::from(method != Method::Dense);
         // A rank that is to be held is decided by eigenvalues.
         if problem.blocks().is_undecided() {
             return self.safe.solve(problem, x);
@@ -165,9 +172,9 @@ impl Solver for Auto {
         let info = self.fast.solve(problem, x)?;
         let found = self.fast.found();
         if is_certain(found, problem, self.rank_cut) && info.residual_rel <= BELIEVED {
-            return Ok(Info { margin: Some(margin(found, problem, self.rank_cut)), ..info });
+            return Ok(Info { margin: Some(margin(found, problem, self.rank_cut)), fallbacks, ..info });
         }
-        self.safe.solve(problem, x).map(|info| Info { fallbacks: 1, ..info })
+        self.safe.solve(problem, x).map(|info| Info { fallbacks: 1 + fallbacks, ..info })
     }
 
     fn reset(&mut self) {

@@ -351,11 +351,7 @@ impl Factor {
             *entry -= pull;
         }
         plan.ldl.solve(motion);
-        plan.times(motion, image);
-        for (entry, change) in x.iter_mut().zip(&*image) {
-            *entry += change;
-        }
-        plan.transposed_times(x, pull);
+        plan.add_and_transpose(motion, x, pull);
         plan.times(acceleration, image);
         correction
     }

@@ -148,6 +148,19 @@ impl Plan {
         }
     }
 
+    /// y += J x, then z = Jᵀ y of the sum, in one pass.
+    pub(super) fn add_and_transpose(&self, x: &[f64], y: &mut [f64], z: &mut [f64]) {
+        z.fill(0.0);
+        for (entry, row) in y.iter_mut().zip(self.starts.windows(2)) {
+            let range = row[0]..row[1];
+            let (places, values) = (&self.places[range.clone()], &self.values[range]);
+            *entry += places.iter().zip(values).map(|(&at, value)| value * x[at as usize]).sum::<f64>();
+            for (&at, value) in places.iter().zip(values) {
+                z[at as usize] += value * *entry;
+            }
+        }
+    }
+
     /// y = M x.
     pub(super) fn mass_times(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
