@@ -22,6 +22,7 @@ from oarlock.bench.growth import (
     exponent,
     exponents,
     grow,
+    later_step_s,
     own_parts_us,
     parts_us,
 )
@@ -155,6 +156,11 @@ def test_a_budget_is_kept_and_said():
     assert budget.refusal(0.5, 0.01, 151) == "10 ms a step, 2 s for 151 of them, more than 2 s"
     assert budget.refusal(3.0, 0.0, 1) == "its first step took 3 s, more than the 2 s of a walk"
     assert (steps_for(1.0), steps_for(1e-4), steps_for(1e-9)) == (LEAST, 200, MOST)
+
+
+def test_the_first_step_is_not_among_the_others():
+    assert later_step_s(5.0, 3.0, 4) == pytest.approx(0.5)
+    assert later_step_s(5.0, 6.0, 4) == pytest.approx(1.0)
 
 
 def test_whatever_the_budget_does_not_cover_is_left_out_for_good():

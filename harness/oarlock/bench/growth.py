@@ -90,6 +90,11 @@ def parts_us(profile: dict[str, Any], steps: int) -> dict[str, float]:
     return {part: (ns - looks * profile["look_ns"]) / steps / 1e3 for part, (ns, looks) in spent.items()}
 
 
+def later_step_s(whole_s: float, first_s: float, steps: int) -> float:
+    """What each of so many steps after the first took; a first one that took longer than all was disturbed."""
+    return (whole_s - first_s) / steps if first_s < whole_s else whole_s / (1 + steps)
+
+
 @dataclass
 class _Walker:
     """One who walks at a size, and the times of every round."""
@@ -97,7 +102,8 @@ class _Walker:
     runs: Runs
     timers: bool = False
     first_s: float = 0.0
-    step_s: list[float] = field(default_factory=list)
+    steps: int = 0
+    wholes_s: list[float] = field(default_factory=list)
     profiles: list[dict[str, Any]] = field(default_factory=list)
 
     def walk_s(self, steps: int) -> float:
@@ -126,11 +132,14 @@ class _Walker:
         return ""
 
     def go(self, steps: int) -> None:
-        """Walks, and notes the time of a step after the first."""
-        whole_s = self.walk_s(1 + steps)
-        if self.first_s >= whole_s:  # whatever disturbed it, it is a part of the whole
-            self.first_s = whole_s / (1 + steps)
-        self.step_s.append((whole_s - self.first_s) / steps)
+        """Walks, and notes how long; the first step is always the same, so that the least disturbed one counts."""
+        self.steps, self.first_s = steps, min(self.first_s, self.walk_s(1))
+        self.wholes_s.append(self.walk_s(1 + steps))
+
+    @property
+    def step_s(self) -> list[float]:
+        """The time of a step after the first in every round, s."""
+        return [later_step_s(whole_s, self.first_s, self.steps) for whole_s in self.wholes_s]
 
 
 class _Size:

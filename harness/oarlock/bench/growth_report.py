@@ -224,7 +224,7 @@ def write_growth_report(growth: dict[str, Any], occasion: dict[str, Any], target
         answered=ANSWERED,
         walkers=WALKERS,
         verdicts=(WINS, TIES, LOSES),
-        none=NONE,
+        silent=NONE,
     )
     for figure in drawn:
         write_text(target / "figures" / f"{figure.name}.svg", figure.svg())
