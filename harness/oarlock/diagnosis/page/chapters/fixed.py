@@ -36,8 +36,7 @@ def fixed(fix: Mapping[str, Any]) -> Chapter:
     if len(lines) > LINES:
         chapter.say(f"and {len(lines) - LINES} more lines.")
     chapter.explain(
-        "What each change does, tried by itself: of a keyframe and of exclusions before the settings change, of "
-        "settings with all others."
+        "What each change does, tried by itself: of settings with all others, of all others before the settings change."
     )
     chapter.table(
         "changes",
@@ -48,6 +47,9 @@ def fixed(fix: Mapping[str, Any]) -> Chapter:
         ],
         words=2,
     )
+    for one in fix["changes"]:
+        if one["overrun"]:
+            chapter.say(f"With {one['what']} {_overrun(one['overrun'])} under {one['controls']}.")
     runs = [{"controls": fix["controls"], **fix}, *fix["elsewhere"]]
     chapter.say(f"The file begins with {fix['begins']}; wanted are {figure(fix['target'])} m or rad.")
     chapter.table(
@@ -62,6 +64,11 @@ def fixed(fix: Mapping[str, Any]) -> Chapter:
         words=3,
     )
     return chapter
+
+
+def _overrun(one: Mapping[str, Any]) -> str:
+    before, after = (figure(one[name], one["unit"]) for name in ("before", "after"))
+    return f"the {one['limit']} is overrun by {after} in place of {before}"
 
 
 def _drift(run: Mapping[str, Any], name: str) -> str:
