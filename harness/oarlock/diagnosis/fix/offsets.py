@@ -150,7 +150,7 @@ class _Start:
         for remark in (remark for every in self._exam.remarks.values() for remark in every):
             if remark.code == "A2" and remark.element == one.name and "wanted" in remark.figures:
                 wanted = np.atleast_1d(remark.figures["wanted"]).tolist()
-                polycoef = (_short(wanted[0]), *wanted[1:]) if len(wanted) > 1 else (_short(wanted[0]), *given[1:])
+                polycoef = tuple(map(_short, wanted)) if len(wanted) > 1 else (_short(wanted[0]), *given[1:])
                 return polycoef, "it was written in another unit, or from another zero (A2)", ""
         return None
 
@@ -197,16 +197,17 @@ class _Seen:
 
 def _tried(bench: Bench, taken: Sequence[Coefficients], offset: Offset, alike: str) -> tuple[str, str]:
     """What speaks for a constant and against it once both ways were run, with others that were taken before."""
-    kept, moved = _run(bench, [*taken, offset.change]), _run(bench, taken)
-    held = f"{drifts(kept)} with it, {drifts(moved)} with the closed pose instead"
     why = offset.why
     if not why and _inside(bench, taken, offset.change):
         why = "no pose near the start meets it as it is written, inside of all ranges"
     if not why and alike:
         return "", f"{quoted(alike)}, which has the same polycoef, holds at the start"
+    lasts = any(one.equality == offset.equality.name and one.attribute == "polycoef" for one in bench.exam.lasting)
+    if not why and not lasts:
+        return "", "the closed pose holds the coupling as it is written"
+    kept, moved = _run(bench, [*taken, offset.change]), _run(bench, taken)
+    held = f"{drifts(kept)} with it, {drifts(moved)} with the closed pose instead"
     if not why:
-        if not any(one.equality == offset.equality.name and one.attribute == "polycoef" for one in bench.exam.lasting):
-            return "", "the closed pose holds the coupling as it is written"
         if moved.drift <= bench.target or kept.drift >= HALF * moved.drift:
             return "", held
         why = f"from the closed pose it is pulled open again (S4): {held}"
@@ -217,12 +218,14 @@ def _tried(bench: Bench, taken: Sequence[Coefficients], offset: Offset, alike: s
 
 def _inside(bench: Bench, taken: Sequence[Coefficients], change: Coefficients) -> bool:
     """Whether the start closes, or closes inside of more ranges, with a change alone."""
-    with_it, without = bench.pose([*taken, change]), bench.pose(taken)
+    without = bench.pose(taken)
+    left = None if without is None or not without.closed else _left(bench, without)
+    if left is not None and not left:
+        return False
+    with_it = bench.pose([*taken, change])
     if with_it is None or not with_it.closed:
         return False
-    if without is None or not without.closed:
-        return True
-    return _left(bench, with_it) < _left(bench, without)
+    return left is None or _left(bench, with_it) < left
 
 
 def _left(bench: Bench, pose: ClosedPose) -> set[str]:
