@@ -441,7 +441,8 @@ def test_a_limit_that_settings_overrun_further_is_told_with_both_figures(tmp_pat
     source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
     source.write_text(STRUCK if given == "struck" else (CHECKED / "short_range.xml").read_text())
     joint, unit, key = ("flap", "rad", None) if given == "struck" else ("jaw", "m", 0)
-    fix = oarlock.check(source, duration=0.6, target=1e-5).fix(out)
+    checked = oarlock.check(source, duration=0.6, target=1e-5)
+    fix = checked.fix(out)
     before, after = overrun(source, joint, 0.6, key), overrun(out, joint, 0.6, key)
     assert after > 1.2 * before
     told = f"the limit of joint '{joint}' is overrun by {after:.2g} {unit} in place of {before:.2g} {unit}"
@@ -454,6 +455,9 @@ def test_a_limit_that_settings_overrun_further_is_told_with_both_figures(tmp_pat
         "after": pytest.approx(after, rel=AGAIN),
         "unit": unit,
     }
+    checked.report(tmp_path / "page")
+    row = f"limit of joint '{joint}' | the user's controls | {figure(before, unit)} | {figure(after, unit)}"
+    assert row in (tmp_path / "page" / "README.md").read_text()
 
 
 def test_a_limit_that_settings_leave_alone_is_not_told(tmp_path):

@@ -47,15 +47,18 @@ def fixed(fix: Mapping[str, Any]) -> Chapter:
         ],
         words=2,
     )
-    for one in fix["changes"]:
-        if one["overrun"]:
-            chapter.say(f"With {one['what']} {_overrun(one['overrun'])} under {one['controls']}.")
     runs = [{"controls": fix["controls"], **fix}, *fix["elsewhere"]]
     chapter.say(f"The file begins with {fix['begins']}; wanted are {figure(fix['target'])} m or rad.")
     chapter.table(
         "drift of the fix",
         ("controls", "before", "after"),
         [(one["controls"], _drift(one, "drift_before"), _drift(one, "drift")) for one in runs],
+    )
+    chapter.table(
+        "limits that the fix overruns otherwise",
+        ("limit", "controls", "overrun before", "after"),
+        [_overrun(one) for one in runs if one["overrun"]],
+        words=2,
     )
     chapter.table(
         "left by the fix",
@@ -66,9 +69,9 @@ def fixed(fix: Mapping[str, Any]) -> Chapter:
     return chapter
 
 
-def _overrun(one: Mapping[str, Any]) -> str:
-    before, after = (figure(one[name], one["unit"]) for name in ("before", "after"))
-    return f"the {one['limit']} is overrun by {after} in place of {before}"
+def _overrun(run: Mapping[str, Any]) -> tuple[str, ...]:
+    one = run["overrun"]
+    return one["limit"], run["controls"], *(figure(one[name], one["unit"]) for name in ("before", "after"))
 
 
 def _drift(run: Mapping[str, Any], name: str) -> str:
