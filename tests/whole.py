@@ -31,8 +31,11 @@ def require_start(case: Case) -> None:
     setup = setup_of(case, case.file.run.integrator)
     start = setup.start
     assert start.rows >= 1
-    found = {"nv": setup.model.nv, "rows": start.rows, "rank": start.rank, "dof": start.dof}
-    assert {**found, "reactions": verdict(start.unique)} == case.expected()
+    found: dict[str, int | str] = {"nv": setup.model.nv, "rows": start.rows, "rank": start.rank, "dof": start.dof}
+    expected = case.expected()
+    if case.listed:
+        found["reactions"] = verdict(start.unique)
+    assert found == expected
     data = setup.data()
     mujoco.mj_forward(setup.model, data)
     assert data.ne == start.rows

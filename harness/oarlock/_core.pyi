@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 _Vector = NDArray[np.float64]
 _Matrix = NDArray[np.float64]
+_Indices = NDArray[np.int32]
 _Numbers = ArrayLike
 """Real numbers: float64 arrays in C order are read in place, anything else is copied into one."""
 
@@ -102,6 +103,23 @@ class ConstrainedSystem:
 
         Raises:
             InputError: shapes, what is no finite real number, R negative.
+        """
+    def assemble_sparse(
+        self,
+        jacobian: _Numbers | tuple[_Indices, _Indices, _Indices, _Numbers],
+        inertia: tuple[_Indices, _Indices, _Indices, _Numbers, _Numbers, _Numbers],
+        unconstrained: _Numbers,
+        aref: _Numbers,
+        regularisation: _Numbers | None = None,
+    ) -> None:
+        """Forms A and b of a mechanism whose inertia lies along a kinematic tree, as MuJoCo keeps it.
+
+        Of J (n×nv), or its lengths, starts, columns and values as MuJoCo compresses it, a₀ = M⁻¹ f (nv), aref (n) and,
+        for soft rows, R (n). ``inertia`` has the model's ``M_rownnz``,
+        ``M_rowadr`` and ``M_colind`` and the data's ``M``, ``qLD`` and ``qLDiagInv``.
+
+        Raises:
+            InputError: shapes, rows that do not fit together, what is no finite real number, R negative.
         """
     def hold_rank(self, gaps: _Numbers, constraints: list[int]) -> None:
         """Says how far the rows of the next step stand open, and asks to hold the rank along the path.

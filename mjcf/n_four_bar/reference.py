@@ -1,4 +1,4 @@
-"""Regenerates reference-N=*.csv: the top of the first crank, from the equation of one crank. No MuJoCo, no oarlock.
+"""Regenerates reference-N=*-apart=0.csv: the first crank's top, by the equation of one crank. No MuJoCo, no oarlock.
 
 On the parallelogram branch all cranks turn alike, by θ from the upright to the right, and the couplers stay level.
 With rods of length l = 1 m and mass m = 1 kg the N + 1 cranks have ⅓ m l² each about their pivots, and each of the N
@@ -52,10 +52,10 @@ def rows(loops, times):
 
 
 def main():
-    """Writes reference-N=*.csv beside this file."""
+    """Writes reference-N=*-apart=0.csv beside this file."""
     times = grid(DURATION, INTERVAL)
     for loops in LOOPS:
-        write(__file__, "θ'' = k sin θ", 2, times, rows(loops, times), name=f"reference-N={loops}.csv")
+        write(__file__, "θ'' = k sin θ", 2, times, rows(loops, times), name=f"reference-N={loops}-apart=0.csv")
 
 
 if __name__ == "__main__":

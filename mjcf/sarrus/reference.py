@@ -1,4 +1,4 @@
-"""Regenerates reference_2.csv and reference_3.csv: the angle of Sarrus's lower links. No MuJoCo, no oarlock.
+"""Regenerates reference-legs=*-cells=1.csv: the angle of Sarrus's lower links. No MuJoCo, no oarlock.
 
 By symmetry every lower link is at one angle φ over the horizontal and every upper one at π − φ, so that the platform is
 at z = 2 l sin φ and does not turn. The centres of a leg's links are at (½ l cos φ, ½ l sin φ) and
@@ -46,7 +46,7 @@ def main():
     for legs in LEGS:
         phi, phi_dot = solve(legs, times)
         rows = np.column_stack([phi, phi_dot, acceleration(legs, phi, phi_dot)])
-        write(__file__, "reduced equation of motion", 4, times, rows, name=f"reference_{legs}.csv")
+        write(__file__, "reduced equation of motion", 4, times, rows, name=f"reference-legs={legs}-cells=1.csv")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ import oarlock
 import pytest
 from mechanisms import COMMAND, boat_copy, four_bar, only, write_model
 from oarlock import model_names
+from oarlock.cli.app import COMMANDS
 from oarlock.tables.folder import ResultFolder
 from tolerances import SOON_S
 
@@ -66,6 +67,29 @@ def test_a_command_loads_only_what_it_needs(command):
 def test_the_front_door_loads_nothing():
     names = loaded("import oarlock; oarlock.__all__, oarlock.__version__")
     assert [name for name in names if name in (*HEAVY, "mujoco", "polars", "numpy")] == []
+
+
+ENGINES = ["mujoco", "polars", "pydantic", "numpy", "rich.console"]
+"""What only those need who look at models or tables: half of the first second of a command."""
+
+
+@pytest.mark.parametrize(
+    ("command", "useless"),
+    [("--help", ENGINES), ("list", ["polars"]), ("explain T1", ["mujoco", "polars", "numpy"])],
+)
+def test_a_command_waits_for_nothing_that_it_does_not_use(command, useless):
+    names = loaded(f"import oarlock.cli.app as a; sys.argv = ['oarlock', *{command.split()}]; a.main()")
+    assert "oarlock.cli.app" in names
+    assert [name for name in names if name in (*useless, *HEAVY)] == []
+
+
+def test_help_says_of_a_command_what_its_own_help_begins_with(oarlock_here):
+    lines = oarlock_here("--help").stdout.partition("Commands:")[2].split("\n  ")[1:]
+    said = {name: words.strip().removesuffix("...") for name, words in (line.split(None, 1) for line in lines)}
+    assert list(said) == list(COMMANDS)
+    for name, words in said.items():
+        own = " ".join(oarlock_here(name, "--help").stdout.split())
+        assert " ".join(words.split()) in own
 
 
 DIFF_FILES = 16

@@ -70,7 +70,9 @@ FOUND = {
     "gripper": {"D1", "T1", "L3"},
     "gripping_gripper": {"D1", "T1", "L3", "R2", "U3"},
     "jansen_leg": {"D1", "T1", "L3"},
+    "n_crank": {"D1", "E1", "T1", "U1", "L3", "L4"},
     "n_four_bar": {"D1", "T1", "L5", "L3"},
+    "net": {"D1", "T1", "U1", "L3", "L4", "L7"},
     "ring": {"D1", "T1"},
     "sarrus": {"D1", "T1", "U1", "L4"},
     "scissor_lift": {"D1", "D5", "T1", "L3", "R2"},
@@ -78,6 +80,7 @@ FOUND = {
     "standing_leg": {"D1", "D5", "T1", "R2"},
     "stewart": {"D1", "E1", "T1"},
     "stopped_four_bar": {"D1", "T1", "L3", "R2"},
+    "tensegrity": {"D2", "T1"},
     "triple_crank": {"D1", "E1", "T1", "U1", "L3", "L4"},
     "welded_frame": {"D1", "D5", "T1", "U1"},
 }

@@ -21,9 +21,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
-
-import polars as pl
+from typing import Any, BinaryIO
 
 from oarlock.base.errors import InputError, one_line
 
@@ -70,7 +68,7 @@ def replacing(path: Path, *, named: bool = False) -> Iterator[Path]:
                 _pour(contents, path)
     except InputError:
         raise
-    except (OSError, ValueError, pl.exceptions.ComputeError) as error:
+    except (OSError, ValueError, *_polars_errors("ComputeError")) as error:
         raise InputError(f"cannot write '{path}': {reason(error, temporary)}") from None
     finally:
         if temporary is not None:
@@ -78,6 +76,12 @@ def replacing(path: Path, *, named: bool = False) -> Iterator[Path]:
                 temporary.unlink()
                 if target is None:
                     temporary.parent.rmdir()
+
+
+def _polars_errors(*names: str) -> tuple[Any, ...]:
+    """Errors of polars by their names. Where nobody has loaded it, nobody has raised them."""
+    polars = sys.modules.get("polars")
+    return tuple(getattr(polars.exceptions, name) for name in names) if polars else ()
 
 
 def _scratch() -> Path:
@@ -215,7 +219,7 @@ def reading(path: Path) -> Iterator[Path]:
         yield path
     except InputError:
         raise
-    except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+    except (OSError, ValueError, *_polars_errors("PolarsError", "PanicException")) as error:
         raise InputError(f"'{path}' cannot be read: {one_line(error)[:120]}") from None
 
 

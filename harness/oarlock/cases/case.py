@@ -85,10 +85,13 @@ class Case:
     def expected(self) -> dict[str, int | str]:
         """Returns what the model must turn out to be at its start (see ``Expect``).
 
+        Numbers are expressions of the parameters; a word holds for those that the case file lists.
+
         Raises:
             InputError: an expression of the parameters does not parse, or is not a whole number ≥ 0.
         """
-        return self.file.expect.values(self.parameters)
+        found = self.file.expect.values(self.parameters)
+        return found if self.listed else {name: value for name, value in found.items() if name != "reactions"}
 
 
 def model_names() -> list[str]:

@@ -4,11 +4,13 @@ Exit status: 0 all gates held, 1 a gate failed, a run ended otherwise than expec
 input, 130 interrupted, 141 reader gone.
 """
 
+import ast
 import gc
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -53,6 +55,16 @@ class _Commands(Mapping[str, Any]):
         return len(COMMANDS)
 
 
+def _described(name: str) -> Any:
+    """A command that does nothing but say what it is for, by the docstring in its file, of which nothing is run."""
+    module, _, function = COMMANDS[name].partition(".")
+    source = Path(__file__).with_name(f"{module}.py").read_text(encoding="utf-8")
+    found = next(one for one in ast.parse(source).body if isinstance(one, ast.FunctionDef) and one.name == function)
+    only = typer.Typer(**_SETTINGS)
+    only.command(name, help=ast.get_docstring(found))(lambda: None)
+    return typer.main.get_command(only)
+
+
 _UsageError: Any = typer.BadParameter.__mro__[1]
 """What typer raises of arguments that it does not understand; it has no name for it of its own."""
 
@@ -64,6 +76,12 @@ class _Group(TyperGroup):
     def __init__(self, **settings: Any):
         super().__init__(**{**settings, "commands": None})
         self.commands: Any = _Commands()
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Lists the commands without loading them."""
+        whole, self.commands = self.commands, {name: _described(name) for name in COMMANDS}
+        super().format_commands(ctx, formatter)
+        self.commands = whole
 
     def invoke(self, ctx: Any) -> Any:
         """Runs the command that was asked for; what is said of its arguments is visible, whatever is in them."""

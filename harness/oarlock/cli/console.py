@@ -9,14 +9,16 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
 from oarlock.base.files import write_text
 from oarlock.base.text import json_visible, visible
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
 
 GATE_FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 1, 2, 130, 141
 
@@ -114,11 +116,15 @@ def one_of(names: Iterable[str]) -> str:
     return f"{', '.join(others)} or {last}."
 
 
-def shown(text: str) -> Text:
+def shown(text: str) -> "Text":
     """As it is: no markup, and nothing that a terminal would obey."""
+    from rich.text import Text  # whoever prints no tables need not load it
+
     return Text(visible(text))
 
 
-def console() -> Console:
+def console() -> "Console":
     """Standard output. Without a terminal a table must not be cut to the width of one."""
+    from rich.console import Console
+
     return Console() if sys.stdout.isatty() else Console(width=WIDE)

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
-from threadpoolctl import threadpool_limits
 
 from oarlock.base.answer import Answer
 from oarlock.base.arguments import complete, takes
+from oarlock.base.cores import one_thread
 from oarlock.base.forks import require_threads
 from oarlock.base.progress import Progress
 from oarlock.diagnosis.options import CheckOptions
@@ -102,7 +102,7 @@ class Checked(Answer):
         """
         from oarlock.diagnosis.fix.fix import fix_model
 
-        with _one_thread(), mujoco_ends_in_a_line(self.examination.file):
+        with one_thread(), mujoco_ends_in_a_line(self.examination.file):
             self.fixed = fix_model(self.examination, self.verdict, Path(out))
         return self.fixed
 
@@ -133,7 +133,7 @@ def begun(file: str | Path, options: CheckOptions) -> "Examination":
     require_threads()
     from oarlock.diagnosis.examination import begin
 
-    with _one_thread(), mujoco_ends_in_a_line(file):
+    with one_thread(), mujoco_ends_in_a_line(file):
         return begin(str(file), options)
 
 
@@ -141,13 +141,8 @@ def parts(examination: "Examination") -> Iterator[str]:
     """Looks at the model; gives the name of every part of the examination as soon as it is there."""
     from oarlock.diagnosis.examination import examine
 
-    with _one_thread(), mujoco_ends_in_a_line(examination.file):
+    with one_thread(), mujoco_ends_in_a_line(examination.file):
         yield from examine(examination)
-
-
-def _one_thread() -> threadpool_limits:
-    """Many small matrices: threads of BLAS wait for one another longer than they work, and for whatever else runs."""
-    return threadpool_limits(1, user_api="blas")
 
 
 def judged(examination: "Examination") -> Checked:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
-from threadpoolctl import threadpool_limits
 
 from oarlock.base.answer import Answer, html_table
 from oarlock.base.arguments import require_count, require_number
+from oarlock.base.cores import one_thread
 from oarlock.base.errors import InputError
 from oarlock.base.files import replacing
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
@@ -227,7 +227,7 @@ def sample(
         raise InputError(f"branches = {branches!r}, expected 'all' or 'start'")
     from oarlock.diagnosis.loops.states import draw, start_of
 
-    with threadpool_limits(1, user_api="blas"), mujoco_ends_in_a_line():
+    with one_thread(), mujoco_ends_in_a_line():
         name, own, start = start_of(model, keyframe)
         others = 0 if branches == "start" else n - (n + 1) // 2
         drawn = draw(own, start, n - others, others, seed, speed)

@@ -24,6 +24,7 @@ from oarlock.stepping.prepared import PreparedCase
 from oarlock.stepping.projection import TRACKED
 from oarlock.stepping.python_path import PythonPath
 from oarlock.stepping.solvers import SolverSpec
+from oarlock.stepping.start import ConsistentStart
 from oarlock.tables.promise import ended
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
@@ -62,10 +63,13 @@ class Laboratory:
         self._truth = load_truth(case) if conditions.seed is None else None
         self._stepping = stepping
         self._setups: dict[tuple[IntegratorName, str], PreparedCase] = {}
+        self._start: ConsistentStart | None = None
 
     def setup(self, integrator: IntegratorName, settings: str = "default") -> PreparedCase:
-        """The case, prepared."""
-        return PreparedCase(self.case, self._truth, integrator, settings, self.conditions)
+        """The case, prepared anew; its start is looked for once, for it is the same for all of them."""
+        prepared = PreparedCase(self.case, self._truth, integrator, settings, self.conditions, self._start)
+        self._start = prepared.start
+        return prepared
 
     def run(self, task: Task) -> Iterator[RunResult]:
         """The runs of a task, each as soon as it is finished.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from oarlock.base.arguments import complete, takes
-from oarlock.base.cores import cores
+from oarlock.base.cores import cores, one_thread
 from oarlock.base.errors import InputError
 from oarlock.base.files import uninterrupted
 from oarlock.base.forks import require_threads
@@ -84,7 +84,7 @@ class _HeldError(InputError):
 
 
 def _run(model: str | Path, options: RunOptions, folder: Path | None, replace: bool, progress: Progress) -> Results:
-    with mujoco_ends_in_a_line():
+    with one_thread(), mujoco_ends_in_a_line():
         return _run_quietly(open_case(model), options, folder, replace, progress)
 
 

@@ -1,12 +1,13 @@
 """The mechanism as points and lines, from its kinematics: what a drawing needs, without the model."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from oarlock.mechanics.names import element_name, equalities
+from oarlock.mechanics.names import Equality, element_name, equalities
 from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
 from oarlock.tables.spool import Spool
 
@@ -43,6 +44,10 @@ def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[s
     are world coordinates in m.
     """
     data = mujoco.MjData(model)
+    ends = _ends(model)
+    on_body: dict[int, list[_End]] = {}
+    for end in ends:
+        on_body.setdefault(end.body, []).append(end)
 
     def place(qpos: np.ndarray) -> None:
         data.qpos[:] = qpos
@@ -54,13 +59,11 @@ def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[s
     for body in range(1, model.nbody):
         own = [fixed_point(data, body, model.jnt_pos[joint]) for joint in distinct_joints(model, body)]
         points = own[1:]
-        for child in range(body + 1, model.nbody):
-            if model.body_parentid[child] == body:
-                points += _entered(model, data, child)
+        for child in np.flatnonzero(model.body_parentid == body).tolist():
+            points += _entered(model, data, child)
         points += [
-            point if local is None else fixed_point(data, body, local)
-            for end, point, local in _equality_anchors(model, data)
-            if end == body
+            end.point(model, data) if end.drawn is None else fixed_point(data, body, end.drawn)
+            for end in on_body.get(body, ())
         ]
         points.append(data.xipos[body].copy())
         hub = own[0] if own else data.xpos[body].copy()
@@ -72,12 +75,12 @@ def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[s
                 "points": [point.tolist() for point in points if np.linalg.norm(point - hub) > 1e-9],
             }
         )
-    anchors = [point.tolist() for _, point, _ in _equality_anchors(model, data)]
+    anchors = [end.point(model, data).tolist() for end in ends]
     traces: list[list[list[float]]] = [[] for _ in anchors]
     for qpos in _spread(path[np.isfinite(path).all(axis=1)]):
         place(qpos)
-        for trace, (_, point, _) in zip(traces, _equality_anchors(model, data), strict=True):
-            trace.append(point.tolist())
+        for trace, end in zip(traces, ends, strict=True):
+            trace.append(end.point(model, data).tolist())
     return {
         "equalities": [equality.name for equality in equalities(model)],
         "bodies": bodies,
@@ -94,16 +97,25 @@ def _entered(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> list[np.n
     return [data.xanchor[joint].copy() if rails_of(model, body) else fixed_point(data, body, model.jnt_pos[joint])]
 
 
-def _equality_anchors(model: mujoco.MjModel, data: mujoco.MjData) -> list[tuple[int, np.ndarray, np.ndarray | None]]:
-    """Body, world point, and end of the body if that is in the air, of both ends of what joins points."""
-    found = []
-    for equality in equalities(model):
-        if not equality.kind.joins_points:
-            continue
-        for end, body in enumerate(equality.bodies):
-            if equality.sites:
-                point = data.site_xpos[equality.sites[end]].copy()
-            else:
-                point = fixed_point(data, body, equality.anchor(model, end))
-            found.append((body, point, drawn_end(model, equality, end)))
-    return found
+@dataclass(frozen=True)
+class _End:
+    """One end of an equality that joins points: its body, and what it is drawn to if it is in the air (see outline)."""
+
+    equality: Equality
+    end: int
+    drawn: np.ndarray | None
+
+    @property
+    def body(self) -> int:
+        return self.equality.bodies[self.end]
+
+    def point(self, model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+        """Where it is (3), world."""
+        if self.equality.sites:
+            return data.site_xpos[self.equality.sites[self.end]].copy()
+        return fixed_point(data, self.body, self.equality.anchor(model, self.end))
+
+
+def _ends(model: mujoco.MjModel) -> list[_End]:
+    joining = [equality for equality in equalities(model) if equality.kind.joins_points]
+    return [_End(one, end, drawn_end(model, one, end)) for one in joining for end in (0, 1)]

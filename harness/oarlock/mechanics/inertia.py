@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.core import ConstrainedSystem
+from oarlock.mechanics.rows import compressed
 
 
 def whiten(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.ndarray:
@@ -16,6 +17,9 @@ def whiten(model: mujoco.MjModel, data: mujoco.MjData, rows: np.ndarray) -> np.n
         mujoco.mj_solveM2(model, data, found, rows, np.sqrt(data.qLDiagInv))
     return found
 
+
+SMALL = 8
+"""Up to as many velocities rows are handed over dense, which costs less than their pattern does."""
 
 _ANGULAR = {
     int(mujoco.mjtJoint.mjJNT_FREE): (3, 6),
@@ -55,8 +59,13 @@ class Inertia:
         Raises:
             InputError: no rows, or numbers that are not finite.
         """
-        factored = whiten(self._model, data, jacobian)
-        self.system.assemble_factored(factored, jacobian, unconstrained, aref, softness)
+        model = self._model
+        if model.nv <= SMALL and not mujoco.mj_isSparse(model):
+            self.system.assemble_factored(whiten(model, data, jacobian), jacobian, unconstrained, aref, softness)
+        else:
+            tree = (model.M_rownnz, model.M_rowadr, model.M_colind, data.M, data.qLD, data.qLDiagInv)
+            rows = compressed(data, len(aref)) if mujoco.mj_isSparse(model) else jacobian
+            self.system.assemble_sparse(rows, tree, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained
 
     def start_from(self, unconstrained: np.ndarray) -> None:
@@ -72,12 +81,16 @@ class Inertia:
         owners = data.efc_id[: data.ne]
         gaps = np.abs(data.efc_pos[: data.ne])
         levers = np.abs(jacobian[:, self._turns]).max(axis=1, initial=0.0)
-        for owner in dict.fromkeys(owners.tolist()):
-            own = np.flatnonzero(owners == owner)
-            kind = self._model.eq_type[owner]
-            moved = own[:3] if kind == mujoco.mjtEq.mjEQ_WELD else own
-            length = float(levers[moved].max(initial=0.0))
-            gaps[moved] = 0.0 if length == 0.0 or kind == mujoco.mjtEq.mjEQ_JOINT else gaps[moved] / length
+        kinds = self._model.eq_type[owners]
+        _, begins, of = np.unique(owners, return_index=True, return_inverse=True)
+        # Of a weld the rotation comes after the three rows of its point.
+        moved = (kinds != mujoco.mjtEq.mjEQ_WELD) | (np.arange(len(owners)) - begins[of] < 3)
+        lengths = np.zeros(len(begins))
+        np.maximum.at(lengths, of[moved], levers[moved])
+        length = np.where(kinds == mujoco.mjtEq.mjEQ_JOINT, 0.0, lengths[of])
+        gaps[moved & (length == 0.0)] = 0.0
+        turned = moved & (length > 0.0)
+        gaps[turned] /= length[turned]
         self.system.hold_rank(gaps, owners.tolist())
 
     def acceleration(self, data: mujoco.MjData, multipliers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

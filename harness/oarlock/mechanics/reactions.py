@@ -11,6 +11,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Reactions
+from oarlock.mechanics.folding import fold
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.rows import closing_jacobian
 
@@ -26,7 +27,8 @@ def unique_reactions(model: mujoco.MjModel, data: mujoco.MjData, rank: int) -> d
     """Tells which equalities have unique multipliers, at a state whose position stage is done.
 
     With M = L Lᵀ the singular values of J L⁻ᵀ are the square roots of the eigenvalues of A = J M⁻¹ Jᵀ, so that its left
-    singular vectors beyond ``rank`` span null(A) = null(Jᵀ), without the squared condition number of A.
+    singular vectors beyond ``rank`` span null(A) = null(Jᵀ), without the squared condition number of A. Where no more
+    classes of proportional rows are left than that, nothing has to be decomposed.
 
     Args:
         model: the model.
@@ -36,23 +38,26 @@ def unique_reactions(model: mujoco.MjModel, data: mujoco.MjData, rank: int) -> d
     Returns:
         Name of an equality → whether its multipliers are unique.
     """
-    ne = data.ne
     jacobian = closing_jacobian(model, data)
-    mass = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
     sizes = np.abs(jacobian).max(axis=1)
-    rows = np.flatnonzero(sizes > ZERO_ROW * sizes.max())
-    try:
-        scaled = np.linalg.solve(np.linalg.cholesky(mass), jacobian[rows].T).T
-    except np.linalg.LinAlgError:
-        raise InputError(
-            "the mass matrix is not positive definite at the start, expected masses, inertias and armatures > 0"
-        ) from None
-    null = np.linalg.svd(scaled)[0][:, rank:]
-    part = np.zeros(ne)
-    part[rows] = np.linalg.norm(null, axis=1)  # the same for every basis of the null space
+    folded = fold(jacobian, sizes <= ZERO_ROW * sizes.max())
+    count = len(folded.rows)
+    # Of rows of one class every null vector is free but along their weights; of the classes, what is left of them.
+    part = np.where(folded.alone | (folded.owner < 0), 0.0, 1.0 - np.square(folded.weights))
+    if count > rank:
+        mass = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, mass)
+        try:
+            scaled = np.linalg.solve(np.linalg.cholesky(mass), folded.rows.T).T
+        except np.linalg.LinAlgError:
+            raise InputError(
+                "the mass matrix is not positive definite at the start, expected masses, inertias and armatures > 0"
+            ) from None
+        null = np.linalg.svd(scaled, full_matrices=count > model.nv)[0][:, rank:]
+        part += np.square(folded.weights) * np.square(null).sum(axis=1)[folded.owner]  # of every basis the same
+    part = np.sqrt(np.maximum(part, 0.0))
     unique: dict[str, bool] = {}
-    for row in range(ne):
+    for row in range(data.ne):
         name = element_name(model, mujoco.mjtObj.mjOBJ_EQUALITY, int(data.efc_id[row]))
         unique[name] = unique.get(name, True) and bool(part[row] <= VANISHES)
     return unique

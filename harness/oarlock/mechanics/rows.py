@@ -20,6 +20,11 @@ def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     return data.efc_J[: data.nefc * model.nv].reshape(data.nefc, model.nv)
 
 
+def compressed(data: mujoco.MjData, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Returns the first rows of J where MuJoCo keeps it compressed: lengths (rows), starts (rows), columns and values."""
+    return data.efc_J_rownnz[:rows], data.efc_J_rowadr[:rows], data.efc_J_colind, data.efc_J
+
+
 def closing_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     """Returns J (ne, nv) of the equality rows, which come before those of limits and contacts (see ``jacobian``)."""
     return jacobian(model, data)[: data.ne]

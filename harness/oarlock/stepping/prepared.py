@@ -162,6 +162,7 @@ class PreparedCase(Prepared):
         integrator: IntegratorName,
         settings: str,
         conditions: Conditions = OWN,
+        start: ConsistentStart | None = None,
     ):
         """Loads the model and closes its start.
 
@@ -171,6 +172,8 @@ class PreparedCase(Prepared):
             integrator: which to walk with.
             settings: name of the case's settings.
             conditions: what differs from the case; at most ``MAX_STEPS`` steps long.
+            start: of the same case under the same conditions, found with another integrator or other settings, on
+                which it does not depend; None: to be found.
 
         Raises:
             InputError: the model or the case is wrong, or the start cannot be closed.
@@ -187,7 +190,7 @@ class PreparedCase(Prepared):
         if self.told and case.substituted and integrator == case.file.run.integrator:
             self.told += f"; {case.substituted}"
         drive = controls.drive(model, self.begins.laws)
-        self.start: ConsistentStart = consistent_start(model, case, conditions.seed, self.begins)
+        self.start: ConsistentStart = start or consistent_start(model, case, conditions.seed, self.begins)
         steps = _steps(case, conditions.duration_s, float(model.opt.timestep))
         own = timestep_s is None
         published = PublishedValues(model, case.file.published, f"[[published]] of case '{case.name}'", own=own)

@@ -19,6 +19,14 @@ pub enum Error {
     /// Accelerations were asked of a system that was assembled from a factored step and lacks M⁻¹.
     #[error("a system of a factored step has no accelerations, expected one of M, J and f")]
     Factored,
+    /// Compressed rows do not lie one after another within their arrays, or their columns do not rise.
+    #[error(
+        "compressed rows of {what} do not fit together, expected one after another, columns rising, within the width"
+    )]
+    Pattern {
+        /// The matrix's name.
+        what: &'static str,
+    },
     /// There are no constraint rows or no velocities.
     #[error("{what} is empty: at least one row and one velocity are needed")]
     Empty {

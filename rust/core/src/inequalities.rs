@@ -143,6 +143,7 @@ impl Inequalities {
             check_finite("warm", warm)?;
         }
         self.decide(system)?;
+        system.form_whitened();
         self.take(step);
         self.frame.find(system, step, &mut whiten)?;
         let start = match warm {

@@ -176,7 +176,7 @@ pub use error::Error;
 pub use inequalities::{Group, Inequalities, InequalityReport, InequalityStep};
 pub use info::{Info, Status};
 pub use params::Options;
-pub use problem::{FactoredStep, Needs, Problem, StepView, Wanted};
+pub use problem::{FactoredStep, JacobianView, Needs, Problem, SparseStep, StepView, TreeView, Wanted};
 pub use registry::{SOLVERS, make_solver};
 pub use solvers::{MultiplierSolver, State};
 pub use system::ConstrainedSystem;

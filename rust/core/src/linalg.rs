@@ -1,6 +1,9 @@
-//! Linear algebra on flat slices: products of small matrices, reflections, narrow symmetric factors, and where sparse rows lie.
+//! Linear algebra on flat slices: products of small matrices, reflections, sparse rows and symmetric factors.
 
 pub(crate) mod kernels;
+pub(crate) mod ldl;
 pub(crate) mod reflections;
+pub(crate) mod rows;
 pub(crate) mod skyline;
 pub(crate) mod spans;
+pub(crate) mod tree;

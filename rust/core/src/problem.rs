@@ -3,16 +3,18 @@
 pub mod blocks;
 pub(crate) mod fold;
 pub(crate) mod step;
+pub(crate) mod whitened;
 
 pub use blocks::Blocks;
 pub use fold::{FOLD_TOLERANCE, Fold};
-pub use step::{FactoredStep, StepView, Whiten};
+pub use step::{FactoredStep, JacobianView, SparseStep, StepView, TreeView, Whiten};
+
+use self::whitened::{Sparse, Whitened};
 
 use crate::linalg::kernels::{
     BLOCKED, axpy, by_size, combined_norm_fixed, dot, gemm, gemm_tr, gemv, gram, norm, normal_fixed,
 };
 use crate::linalg::skyline;
-use crate::linalg::spans::Spans;
 
 /// What a solver works with. This is a hint: a [`Problem`] provides whatever the solver asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +23,8 @@ pub enum Needs {
     Operator,
     /// The matrix A.
     Dense,
+    /// Rows of J and M as they are, sparse; A or products with it only where it calls for them.
+    Sparse,
 }
 
 /// What is wanted of a solver.
@@ -39,11 +43,9 @@ pub struct Problem<'a> {
     /// What is wanted of the solver.
     pub wanted: Wanted,
     pub(crate) blocks: &'a mut Blocks,
-    pub(crate) whitened: &'a [f64],
-    /// Of the columns of W.
-    pub(crate) spans: &'a Spans,
-    /// First columns of the rows of A, if its envelope is narrow.
-    pub(crate) envelope: Option<&'a [usize]>,
+    /// Where the step is sparse; W is made of it where it is asked for.
+    pub(crate) sparse: Option<Sparse<'a>>,
+    pub(crate) whitened: &'a mut Whitened,
     pub(crate) softness: Option<&'a [f64]>,
     pub(crate) dense: &'a mut [f64],
     pub(crate) formed: &'a mut bool,
@@ -70,16 +72,33 @@ impl Problem<'_> {
         self.rhs
     }
 
+    /// Makes W, unless it is made or the system was given as dense (A, b).
+    pub(crate) fn whiten(&mut self) {
+        if let (false, Some(sparse)) = (self.whitened.made, self.sparse)
+            && self.whitened.make(sparse)
+        {
+            // Only the envelope is written to from now on.
+            self.dense.fill(0.0);
+        }
+    }
+
+    /// First columns of the rows of A, if its envelope is narrow.
+    pub(crate) fn envelope(&self) -> Option<&[usize]> {
+        self.whitened.envelope.narrow()
+    }
+
     /// Computes y = A x (`n`), with A itself if it has been formed.
     pub fn apply(&mut self, x: &[f64], y: &mut [f64]) {
+        self.whiten();
         if *self.formed {
-            match self.envelope {
+            match self.whitened.envelope.narrow() {
                 Some(first) => skyline::product(first, self.dense, x, y),
                 None => gemv(self.dense, x, y),
             }
             return;
         }
-        by_size!(self.work.len(), normal_fixed(self.whitened, x, y), self.apply_spans(x, y));
+        let columns = self.whitened.columns.as_slice();
+        by_size!(self.work.len(), normal_fixed(columns, x, y), self.apply_spans(x, y));
         if let Some(softness) = self.softness {
             for ((entry, softness), x) in y.iter_mut().zip(softness).zip(x) {
                 *entry += softness * x;
@@ -89,8 +108,9 @@ impl Problem<'_> {
 
     /// y = Wᵀ W x, each column of W by its span.
     fn apply_spans(&mut self, x: &[f64], y: &mut [f64]) {
-        self.spans.combine(self.whitened, x, self.work);
-        self.spans.products(self.whitened, Some(self.work), |index, product| y[index] = product);
+        let Whitened { columns, spans, .. } = &*self.whitened;
+        spans.combine(columns.as_slice(), x, self.work);
+        spans.products(columns.as_slice(), Some(self.work), |index, product| y[index] = product);
     }
 
     /// Returns ‖W x‖ of some `rows` of x, the acceleration M⁻¹ Jᵀ x in the norm of M; of a system given as dense (A, b) √(xᵀ A x).
@@ -104,16 +124,18 @@ impl Problem<'_> {
             return rows.iter().map(row_sum).sum::<f64>().max(0.0).sqrt();
         }
         // W x before its square: rounding of a part of x in null(A) would stand beside it otherwise.
-        by_size!(nv, combined_norm_fixed(self.whitened, rows, x), self.acceleration_norm_spans(rows, x, work))
+        let columns = self.whitened.columns.as_slice();
+        by_size!(nv, combined_norm_fixed(columns, rows, x), self.acceleration_norm_spans(rows, x, work))
     }
 
     fn acceleration_norm_spans(&self, rows: &[usize], x: &[f64], work: &mut Vec<f64>) -> f64 {
         let nv = self.work.len();
         work.clear();
         work.resize(nv, 0.0);
+        let Whitened { columns, spans, .. } = &*self.whitened;
         for &row in rows {
-            let column = &self.whitened[row * nv..(row + 1) * nv];
-            axpy(x[row], self.spans.cut(row, column), self.spans.cut_mut(row, work));
+            let column = &columns.as_slice()[row * nv..(row + 1) * nv];
+            axpy(x[row], spans.cut(row, column), spans.cut_mut(row, work));
         }
         norm(work)
     }
@@ -124,7 +146,7 @@ impl Problem<'_> {
         if *self.formed {
             return self.dense[row * (self.len() + 1)];
         }
-        let column = &self.whitened[row * nv..(row + 1) * nv];
+        let column = &self.whitened.columns.as_slice()[row * nv..(row + 1) * nv];
         dot(column, column) + self.softness.map_or(0.0, |softness| softness[row])
     }
 
@@ -142,9 +164,11 @@ impl Problem<'_> {
             gemm(n, n, self.dense, x, y);
             return;
         }
+        self.whiten();
+        let whitened = self.whitened.columns.as_slice();
         scratch.resize(nv * columns, 0.0);
-        gemm(nv, n, self.whitened, x, scratch);
-        gemm_tr(n, nv, self.whitened, scratch, y);
+        gemm(nv, n, whitened, x, scratch);
+        gemm_tr(n, nv, whitened, scratch, y);
         if let Some(softness) = self.softness {
             for (x, y) in x.chunks_exact(n).zip(y.chunks_exact_mut(n)) {
                 for ((entry, softness), x) in y.iter_mut().zip(softness).zip(x) {
@@ -169,9 +193,10 @@ impl Problem<'_> {
     /// Returns A (`n×n`, symmetric, so both column-major and row-major), which is formed at the first call of a step.
     pub fn matrix(&mut self) -> &[f64] {
         if !*self.formed {
-            match self.envelope {
-                Some(first) => self.fill(first),
-                None => gram(self.work.len(), self.whitened, self.dense),
+            self.whiten();
+            match self.whitened.envelope.narrow() {
+                Some(first) => fill(self.whitened, first, self.work.len(), self.dense),
+                None => gram(self.work.len(), self.whitened.columns.as_slice(), self.dense),
             }
             if let Some(softness) = self.softness {
                 let n = self.rhs.len();
@@ -182,23 +207,6 @@ impl Problem<'_> {
             *self.formed = true;
         }
         self.dense
-    }
-
-    /// `WᵀW` within its envelope; the rest of A is zero.
-    fn fill(&mut self, first: &[usize]) {
-        let (n, nv) = (first.len(), self.work.len());
-        let (w, a) = (self.whitened, &mut *self.dense);
-        for (row, &start) in first.iter().enumerate() {
-            let (begin, end) = self.spans.of(row);
-            for col in start..=row {
-                let (other, until) = self.spans.of(col);
-                let to = end.min(until);
-                let from = begin.max(other).min(to);
-                let entry = dot(&w[row * nv + from..row * nv + to], &w[col * nv + from..col * nv + to]);
-                a[row * n + col] = entry;
-                a[col * n + row] = entry;
-            }
-        }
     }
 
     /// Returns the smallest diagonal entry of A.
@@ -214,6 +222,22 @@ impl Problem<'_> {
             return self.dense.iter().step_by(self.len() + 1).fold(0.0, |sum, entry| sum + entry);
         }
         let softness = self.softness.map_or(0.0, |softness| softness.iter().sum());
-        dot(self.whitened, self.whitened) + softness
+        dot(self.whitened.columns.as_slice(), self.whitened.columns.as_slice()) + softness
+    }
+}
+
+/// `WᵀW` within its envelope; the rest of A is zero.
+fn fill(whitened: &Whitened, first: &[usize], nv: usize, a: &mut [f64]) {
+    let (n, w, spans) = (first.len(), whitened.columns.as_slice(), &whitened.spans);
+    for (row, &start) in first.iter().enumerate() {
+        let (begin, end) = spans.of(row);
+        for col in start..=row {
+            let (other, until) = spans.of(col);
+            let to = end.min(until);
+            let from = begin.max(other).min(to);
+            let entry = dot(&w[row * nv + from..row * nv + to], &w[col * nv + from..col * nv + to]);
+            a[row * n + col] = entry;
+            a[col * n + row] = entry;
+        }
     }
 }

@@ -5,10 +5,12 @@ use crate::params::{Options, Params, Value};
 use crate::solvers::auto::Auto;
 use crate::solvers::cg::Cg;
 use crate::solvers::cholesky::Cholesky;
+use crate::solvers::dual::Dual;
 use crate::solvers::krylov::Krylov;
 use crate::solvers::minres::Minres;
 use crate::solvers::pinv::Pinv;
 use crate::solvers::pinv_tracked::PinvTracked;
+use crate::solvers::primal::Primal;
 use crate::solvers::quasi_newton::{Bfgs, Dfp, QuasiNewton, Sr1Update};
 use crate::solvers::regularised::Regularised;
 use crate::solvers::solver::{MultiplierSolver, Solver};
@@ -51,6 +53,8 @@ pub static SOLVERS: &[SolverKind] = &[
     SolverKind::of::<PinvTracked>(),
     SolverKind::of::<Svd>(),
     SolverKind::of::<Cholesky>(),
+    SolverKind::of::<Dual>(),
+    SolverKind::of::<Primal>(),
     SolverKind::of::<Regularised>(),
     SolverKind::of::<Krylov<Cg>>(),
     SolverKind::of::<Krylov<Minres>>(),

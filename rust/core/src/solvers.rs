@@ -10,6 +10,8 @@
 //! | [`pinv_tracked`] | `pinv-tracked`: the same to rounding, from eigenvectors refined from step to step |
 //! | [`svd`] | `svd`: a second reference, from the singular values of L⁻¹Jᵀ |
 //! | [`cholesky`] | `cholesky`: rank-revealing, minimum norm through a basis of the null space |
+//! | [`dual`] | `dual`: a sparse factor of A, where it is clearly of full rank |
+//! | [`primal`] | `primal`: a sparse factor of `JᵀJ − τM`, refined; the rank from its inertia |
 //! | [`regularised`] | `cholesky-regularised`: Cholesky of A + ε E with proximal steps |
 //! | [`cg`], [`minres`] | `cg`, `minres`: conjugate gradients and minimum residuals, in the frame of [`krylov`] |
 //!
@@ -19,6 +21,7 @@ pub mod auto;
 pub(crate) mod carried;
 pub mod cg;
 pub mod cholesky;
+pub mod dual;
 pub(crate) mod eigen;
 pub(crate) mod history;
 pub mod krylov;
@@ -26,6 +29,7 @@ pub mod minres;
 pub(crate) mod null_space;
 pub mod pinv;
 pub mod pinv_tracked;
+pub mod primal;
 pub mod quasi_newton;
 pub mod regularised;
 pub mod solver;

@@ -6,21 +6,26 @@ mod given;
 mod inspect;
 mod judge;
 mod parts;
+mod planning;
 mod renew;
 mod scale;
+mod sparse;
 
 use std::mem;
 
 use self::judge::Judges;
 pub use self::judge::PROMISED;
 pub(crate) use self::parts::Parts;
+use self::planning::Planning;
 use self::scale::{exponent_of_factor, exponent_of_small, power_of_two};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::error::{Error, LARGEST, check_size};
-use crate::linalg::spans::{Envelope, Spans};
-use crate::problem::fold::{Fold, scaled_copy};
-use crate::problem::step::{FactoredStep, StepView, Whiten};
+use crate::linalg::rows::SparseRows;
+use crate::linalg::tree::Tree;
+use crate::problem::fold::Fold;
+use crate::problem::step::{FactoredStep, JacobianView, StepView, Whiten};
+use crate::problem::whitened::{Sparse, Whitened};
 use crate::problem::{Blocks, Problem, Wanted};
 
 /// Largest asymmetry of a dense A that a caller hands over, relative to its largest entry. `A = J M⁻¹ Jᵀ` computed in any
@@ -53,16 +58,14 @@ pub struct ConstrainedSystem {
     gaps: Vec<f64>,
     /// L; empty where the inertia is somebody else's.
     mass_factor: DMatrix<f64>,
-    jacobian_t: DMatrix<f64>,
-    /// Of the rows of J.
-    spans: Spans,
-    /// Rows of J that stand for their class.
+    /// M, where it lies along a tree.
+    tree: Tree,
+    planning: Planning,
+    /// J.
+    rows: SparseRows,
+    /// Rows of J that stand for their class, for somebody else's factor.
     representatives: Vec<f64>,
-    whitened: DMatrix<f64>,
-    /// Of the columns of W.
-    whitened_spans: Spans,
-    /// Of A.
-    envelope: Envelope,
+    whitened: Whitened,
     softness: Option<Vec<f64>>,
     dense: DMatrix<f64>,
     formed: bool,
@@ -172,9 +175,13 @@ impl ConstrainedSystem {
         Problem {
             wanted,
             blocks: &mut self.blocks,
-            whitened: self.whitened.as_slice(),
-            spans: &self.whitened_spans,
-            envelope: self.envelope.narrow(),
+            sparse: self.planning.on_tree.then_some(Sparse {
+                rows: &self.rows,
+                fold: &self.fold,
+                tree: &self.tree,
+                plan: self.planning.plan,
+            }),
+            whitened: &mut self.whitened,
             softness: self.softness.as_deref(),
             dense: self.dense.as_mut_slice(),
             formed: &mut self.formed,
@@ -191,7 +198,7 @@ impl ConstrainedSystem {
             gaps: mem::take(&mut self.gaps),
             constraints: mem::take(&mut self.constraints),
             judges: mem::take(&mut self.judges),
-            jacobian_t: DMatrix::zeros(nv, n),
+            tree: mem::take(&mut self.tree),
             rhs: DVector::zeros(n),
             unconstrained: DVector::zeros(nv),
             at_work: vec![0.0; nv],
@@ -203,7 +210,7 @@ impl ConstrainedSystem {
     fn refit(&mut self) -> bool {
         match self.nv() {
             0 => self.fold.refit(self.given.as_slice(), self.given.nrows()),
-            nv => self.fold.refit_within(self.jacobian_t.as_slice(), nv, |row| self.spans.of(row)),
+            _ => self.fold.refit_in(&self.rows),
         }
     }
 
@@ -215,6 +222,7 @@ impl ConstrainedSystem {
             self.planned = false;
             if !(self.fold.is_identity() && self.fold.rows() == n) {
                 self.blocks.invalidate();
+                self.planning.stale = true;
                 self.fold = Fold::identity(n);
             }
         } else if !(self.planned && self.refit()) {
@@ -222,22 +230,22 @@ impl ConstrainedSystem {
             self.refolds += usize::from(self.refolded);
             self.fold = match self.nv() {
                 0 => Fold::find(self.given.as_slice(), n),
-                nv => Fold::find(self.jacobian_t.as_slice(), nv),
+                _ => Fold::find_in(&self.rows),
             };
             self.planned = true;
+            self.planning.stale = true;
             self.blocks.invalidate();
         }
         let reduced = self.fold.reduced();
-        if self.reduced_rhs.len() != reduced || self.dense.nrows() != reduced {
-            self.whitened = DMatrix::zeros(self.nv(), reduced);
-            self.representatives = vec![0.0; self.nv() * reduced];
-            self.whitened_spans = Spans::default();
-            self.envelope = Envelope::default();
+        let shapes = (self.reduced_rhs.len(), self.dense.nrows(), self.whitened.columns.shape());
+        if shapes != (reduced, reduced, (self.nv(), reduced)) {
+            self.whitened = Whitened { columns: DMatrix::zeros(self.nv(), reduced), ..Whitened::default() };
             self.dense = DMatrix::zeros(reduced, reduced);
             self.reduced_rhs = DVector::zeros(reduced);
             self.solution = vec![0.0; reduced];
         }
         self.formed = false;
+        self.whitened.made = false;
         self.exponent = 0;
         self.judges.adjourn();
     }
@@ -248,9 +256,8 @@ impl ConstrainedSystem {
     /// Those of [`StepView::check`], which leave the last step in place; [`Error::MassNotPositiveDefinite`], and
     /// [`Error::NonFinite`] or [`Error::TooLarge`] if A or b overflow, which leave the system empty.
     pub fn assemble(&mut self, step: &StepView<'_>) -> Result<(), Error> {
+        step.check()?;
         let (n, nv) = step.shape();
-        let known = self.nv() == nv && self.spans.hold(step.jacobian, n);
-        step.check_beside(known)?;
         self.resize(n, nv);
 
         // A symmetric row-major M is its own column-major form.
@@ -275,13 +282,14 @@ impl ConstrainedSystem {
         };
         self.mass_factor = factor.unpack_dirty();
 
-        self.take_rows(step.jacobian, known, step.regularisation);
-        for (class, (representative, scale)) in self.fold.classes().enumerate() {
-            let row = &self.jacobian_t.as_slice()[representative * nv..(representative + 1) * nv];
-            scaled_copy(row, scale, &mut self.whitened.as_mut_slice()[class * nv..(class + 1) * nv]);
+        let jacobian = JacobianView::Dense(step.jacobian);
+        self.take_rows(&jacobian, self.rows.knows(&jacobian, n, nv), step.regularisation);
+        let columns = self.whitened.columns.as_mut_slice().chunks_exact_mut(nv);
+        for (column, (representative, scale)) in columns.zip(self.fold.classes()) {
+            self.rows.scatter(representative, scale, column);
         }
-        self.mass_factor.solve_lower_triangular_mut(&mut self.whitened);
-        self.find_envelope();
+        self.mass_factor.solve_lower_triangular_mut(&mut self.whitened.columns);
+        self.locate();
 
         self.unconstrained.copy_from_slice(step.force);
         self.mass_factor.solve_lower_triangular_mut(&mut self.unconstrained);
@@ -302,25 +310,26 @@ impl ConstrainedSystem {
         step: &FactoredStep<'_>,
         whiten: &mut Whiten<'_>,
     ) -> Result<(), Error> {
+        step.check()?;
         let (n, nv) = step.shape();
-        let known = self.nv() == nv && self.spans.hold(step.jacobian, n);
-        step.check_beside(known)?;
         self.resize(n, nv);
         self.mass_factor = DMatrix::default();
-        self.take_rows(step.jacobian, known, step.regularisation);
-        let rows = self.jacobian_t.as_slice();
+        let jacobian = JacobianView::Dense(step.jacobian);
+        self.take_rows(&jacobian, self.rows.knows(&jacobian, n, nv), step.regularisation);
+        let columns = self.whitened.columns.as_mut_slice();
         if self.fold.is_identity() {
-            whiten(self.fold.representatives(), rows, self.whitened.as_mut_slice());
+            whiten(self.fold.representatives(), step.jacobian, columns);
         } else {
-            for (copy, &row) in self.representatives.chunks_exact_mut(nv).zip(self.fold.representatives()) {
-                copy.copy_from_slice(&rows[row * nv..(row + 1) * nv]);
+            self.representatives.clear();
+            for &row in self.fold.representatives() {
+                self.representatives.extend_from_slice(&step.jacobian[row * nv..(row + 1) * nv]);
             }
-            whiten(self.fold.representatives(), &self.representatives, self.whitened.as_mut_slice());
+            whiten(self.fold.representatives(), &self.representatives, columns);
         }
-        self.find_envelope();
-        let columns = self.whitened.as_mut_slice().chunks_exact_mut(nv).zip(self.fold.classes());
+        self.locate();
+        let columns = self.whitened.columns.as_mut_slice().chunks_exact_mut(nv).zip(self.fold.classes());
         for (class, (column, (_, scale))) in columns.enumerate() {
-            for entry in self.whitened_spans.cut_mut(class, column) {
+            for entry in self.whitened.spans.cut_mut(class, column) {
                 *entry *= scale;
             }
         }
@@ -330,19 +339,11 @@ impl ConstrainedSystem {
         self.check_overflow()
     }
 
-    /// J, its fold, and R. `known`: its spans hold.
-    fn take_rows(&mut self, jacobian: &[f64], known: bool, regularisation: Option<&[f64]>) {
-        let nv = self.nv();
-        let rows = self.jacobian_t.as_mut_slice(); // row-major J is column-major Jᵀ
-        if known && !self.spans.whole() {
-            for (index, (row, given)) in rows.chunks_exact_mut(nv).zip(jacobian.chunks_exact(nv)).enumerate()
-            {
-                self.spans.cut_mut(index, row).copy_from_slice(self.spans.cut(index, given));
-            }
-        } else {
-            rows.copy_from_slice(jacobian);
-        }
-        self.spans.update(rows, nv, known);
+    /// J, its fold, and R, of a step that has no tree unless the caller says so.
+    /// `known`: J is laid out as the last one.
+    fn take_rows(&mut self, jacobian: &JacobianView<'_>, known: bool, regularisation: Option<&[f64]>) {
+        self.rows.take(jacobian, known, self.len(), self.nv());
+        self.planning.leave_tree();
         self.refold(regularisation.is_none());
         match (regularisation, &mut self.softness) {
             (None, softness) => *softness = None,
@@ -351,22 +352,30 @@ impl ConstrainedSystem {
         }
     }
 
-    /// Where the entries of W, and so those of A, lie.
-    fn find_envelope(&mut self) {
-        let (nv, reduced) = (self.nv(), self.fold.reduced());
-        let columns = self.whitened.as_slice();
-        let known = self.whitened_spans.hold(columns, reduced);
-        if self.whitened_spans.update(columns, nv, known) {
-            self.envelope.find(&self.whitened_spans, reduced);
+    /// Where the entries of W, and so those of A, lie; and the blocks that follow.
+    fn locate(&mut self) {
+        if self.whitened.locate() {
             // Only the envelope is written to from now on.
             self.dense.fill(0.0);
         }
-        if !self.blocks.hold(columns, nv, !self.gaps.is_empty()) {
-            self.blocks.find(columns, nv, self.fold.shares().map(|share| share.map(|(class, _)| class)));
-            let known = self.constraints.len() == self.fold.rows();
-            let representatives = self.fold.representatives().iter().filter(|_| known);
-            self.blocks.set_constraints(representatives.map(|&row| self.constraints[row]));
+        let columns = self.whitened.columns.as_slice();
+        if !self.blocks.hold(columns, self.nv(), !self.gaps.is_empty()) {
+            let classes = self.fold.shares().map(|share| share.map(|(class, _)| class));
+            self.blocks.find(columns, self.nv(), classes);
+            self.name_constraints();
         }
+        self.begin();
+    }
+
+    /// Tells the blocks which constraint each of their rows belongs to.
+    fn name_constraints(&mut self) {
+        let known = self.constraints.len() == self.fold.rows();
+        let representatives = self.fold.representatives().iter().filter(|_| known);
+        self.blocks.set_constraints(representatives.map(|&row| self.constraints[row]));
+    }
+
+    /// Begins a step whose blocks are found.
+    fn begin(&mut self) {
         self.blocks.step(if self.softness.is_none() { &self.gaps } else { &[] });
         self.gaps.clear();
     }
@@ -374,9 +383,7 @@ impl ConstrainedSystem {
     /// b = aref − J a₀.
     fn ask(&mut self, aref: &[f64]) {
         let (start, rhs) = (self.unconstrained.as_slice(), self.rhs.as_mut_slice());
-        self.spans.products(self.jacobian_t.as_slice(), Some(start), |row, product| {
-            rhs[row] = aref[row] - product;
-        });
+        self.rows.products(start, |row, product| rhs[row] = aref[row] - product);
         self.reduce_rhs();
     }
 
@@ -393,7 +400,8 @@ impl ConstrainedSystem {
     fn check_overflow(&mut self) -> Result<(), Error> {
         let (n, softness) = (self.reduced_rhs.len(), self.softness.as_deref());
         let (mut most, mut overflow) = (0.0_f64, None);
-        self.whitened_spans.products(self.whitened.as_slice(), None, |i, square| {
+        let Whitened { columns, spans, .. } = &self.whitened;
+        spans.products(columns.as_slice(), None, |i, square| {
             let entry = square + softness.map_or(0.0, |softness| softness[i]);
             most = most.max(entry);
             if overflow.is_none() && (!entry.is_finite() || entry > LARGEST) {
@@ -406,9 +414,9 @@ impl ConstrainedSystem {
             None => check_size("b", self.rhs.as_slice()),
         };
         checked.inspect_err(|_| *self = Self::default())?;
-        self.exponent = exponent_of_factor(self.whitened.as_slice(), most);
+        self.exponent = exponent_of_factor(self.whitened.columns.as_slice(), most);
         if self.exponent != 0 {
-            self.whitened *= power_of_two(self.exponent);
+            self.whitened.columns *= power_of_two(self.exponent);
             self.softness.iter_mut().flatten().for_each(|entry| *entry *= power_of_two(2 * self.exponent));
         }
         Ok(())

@@ -1,13 +1,18 @@
 //! Systems assembled through MuJoCo's own factor of M, which is sparse: M⁻¹ = Hᵀ H with H = D^(−1/2) L^(−T).
 
-use oarlock_core::{ConstrainedSystem, FactoredStep};
+use oarlock_core::{ConstrainedSystem, FactoredStep, JacobianView, SparseStep};
 
 use crate::error::Error;
 use crate::library::Data;
 
+/// Up to as many velocities rows are handed over dense, which costs less than their pattern does.
+const SMALL: usize = 8;
+
 /// Assembles systems of one model's states, and goes the way back from their multipliers.
 #[derive(Debug, Clone)]
 pub struct Inertia {
+    /// J of a small system.
+    rows: Vec<f64>,
     roots: Vec<f64>,
     change: Vec<f64>,
 }
@@ -16,47 +21,53 @@ impl Inertia {
     /// For states of nv velocities.
     #[must_use]
     pub fn new(nv: usize) -> Self {
-        Self { roots: vec![0.0; nv], change: vec![0.0; nv] }
+        Self { rows: Vec::new(), roots: vec![0.0; nv], change: vec![0.0; nv] }
     }
 
-    /// Assembles a system of the data's rows; its position stage must be valid.
+    /// Assembles a system of the equality rows of a data whose position stage is valid, from a₀ (nv), aref (ne) and, of soft rows,
+    /// R (ne).
     ///
     /// # Errors
-    /// Those of [`ConstrainedSystem::assemble_factored`], and [`Error::Mujoco`].
+    /// Those of [`ConstrainedSystem::assemble_sparse`] and [`ConstrainedSystem::assemble_factored`], and [`Error::Mujoco`].
     pub fn assemble(
         &mut self,
         data: &mut Data,
-        step: &FactoredStep<'_>,
+        unconstrained: &[f64],
+        aref: &[f64],
+        regularisation: Option<&[f64]>,
         system: &mut ConstrainedSystem,
     ) -> Result<(), Error> {
-        self.assemble_by(data, step, system, Data::whiten)
+        if unconstrained.len() <= SMALL
+            && let JacobianView::Dense(rows) = data.jacobian()
+        {
+            self.rows.clear();
+            self.rows.extend_from_slice(rows);
+            self.find_roots(data);
+            let step = FactoredStep { jacobian: &self.rows, unconstrained, aref, regularisation };
+            let (roots, mut said) = (&self.roots, Ok(()));
+            let mut whiten = |_: &[usize], rows: &[f64], whitened: &mut [f64]| {
+                said = data.whiten(whitened, rows, roots);
+            };
+            system.assemble_factored(&step, &mut whiten)?;
+            return said;
+        }
+        let (jacobian, inertia) = (data.jacobian(), data.inertia());
+        system.assemble_sparse(&SparseStep { jacobian, inertia, unconstrained, aref, regularisation })?;
+        Ok(())
     }
 
-    /// The same with somebody else's call of [`Data::whiten`].
-    ///
-    /// # Errors
-    /// As [`assemble`](Self::assemble).
-    pub fn assemble_by(
-        &mut self,
-        data: &mut Data,
-        step: &FactoredStep<'_>,
-        system: &mut ConstrainedSystem,
-        mut whiten: impl FnMut(&mut Data, &mut [f64], &[f64], &[f64]) -> Result<(), Error>,
-    ) -> Result<(), Error> {
+    fn find_roots(&mut self, data: &Data) {
         for (root, inverse) in self.roots.iter_mut().zip(data.inverse_diagonal()) {
             *root = inverse.sqrt();
         }
-        let (roots, mut said) = (&self.roots, Ok(()));
-        system
-            .assemble_factored(step, &mut |_, rows, whitened| said = whiten(data, whitened, rows, roots))?;
-        said
     }
 
-    /// `whitened` = H `vectors`, several of nv one after another, by the factor that the last system was assembled with.
+    /// `whitened` = H `vectors`, several of nv one after another, at a state whose position stage is valid.
     ///
     /// # Errors
     /// [`Error::Mujoco`].
-    pub fn whiten(&self, data: &mut Data, vectors: &[f64], whitened: &mut [f64]) -> Result<(), Error> {
+    pub fn whiten(&mut self, data: &mut Data, vectors: &[f64], whitened: &mut [f64]) -> Result<(), Error> {
+        self.find_roots(data);
         data.whiten(whitened, vectors, &self.roots)
     }
 

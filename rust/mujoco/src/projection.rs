@@ -5,16 +5,14 @@
 //! least squares; a violated limit or a penetrating contact is not pushed deeper where the loops leave a choice (Eich 1993, Convergence results for a coordinate projection method applied to mechanical systems with
 //! algebraic constraints). The same as `oarlock.projection`, operation for operation.
 
-use oarlock_core::{
-    ConstrainedSystem, FactoredStep, Group, Inequalities, InequalityStep, MultiplierSolver, Wanted,
-};
+use oarlock_core::{ConstrainedSystem, Group, Inequalities, InequalityStep, MultiplierSolver, Wanted};
 
 use crate::error::Error;
 use crate::gaps::Gaps;
 use crate::inequalities::Rows;
 use crate::inertia::Inertia;
-use crate::library::{Data, EQ_JOINT, EQ_TENDON, Jacobian, Model};
-use crate::vectors::{largest, sum, times};
+use crate::library::{Data, EQ_JOINT, EQ_TENDON, Model};
+use crate::vectors::{largest, sum};
 
 /// Newton's rounds square the gap: from a gap that is worth projecting, three reach rounding.
 const MAX_ROUNDS: i64 = 5;
@@ -98,7 +96,6 @@ pub struct Projector {
     groups: Vec<Group>,
     change: Vec<f64>,
     holding: Inequalities,
-    jacobian: Jacobian,
     wanted: Vec<f64>,
     multipliers: Vec<f64>,
     qfrc: Vec<f64>,
@@ -138,7 +135,6 @@ impl Projector {
             groups: Vec::new(),
             change: Vec::new(),
             holding: Inequalities::new(),
-            jacobian: Jacobian::default(),
             wanted: Vec::new(),
             multipliers: Vec::new(),
             qfrc: vec![0.0; nv],
@@ -166,22 +162,20 @@ impl Projector {
     }
 
     /// What rounding leaves open: of a point, of the mechanism's place; of a coupling, of the coordinates that it adds up.
-    fn rounding(&mut self, data: &Data) -> f64 {
+    fn rounding(&self, data: &Data) -> f64 {
         let kinds = data.model().eq_type();
         let coupled =
             |owner: &i32| matches!(kinds[usize::try_from(*owner).unwrap_or(0)], EQ_JOINT | EQ_TENDON);
         if !data.id().iter().any(coupled) {
             return self.rounding;
         }
-        self.jacobian.read(data);
-        let nv = self.coordinates.len();
+        let (rows, nv) = (data.jacobian(), self.coordinates.len());
         let mut most = self.rounding;
-        let rows = self.jacobian.entries().chunks_exact(nv).zip(data.id());
-        for (row, _) in rows.filter(|(_, owner)| coupled(owner)) {
-            let part = |(entry, at): (&f64, &Option<usize>)| {
-                at.map_or(0.0, |at| entry.abs() * data.qpos()[at].abs())
+        for (row, _) in data.id().iter().enumerate().filter(|(_, owner)| coupled(owner)) {
+            let part = |(column, entry): (usize, f64)| {
+                self.coordinates[column].map_or(0.0, |at| entry.abs() * data.qpos()[at].abs())
             };
-            most = most.max(2.0 * f64::EPSILON * sum(row.iter().zip(&self.coordinates).map(part)));
+            most = most.max(2.0 * f64::EPSILON * sum(rows.row(row, nv).map(part)));
         }
         most
     }
@@ -246,12 +240,11 @@ impl Projector {
     }
 
     fn velocities(&mut self, data: &mut Data) -> Result<(), Error> {
-        self.jacobian.read(data);
         self.wanted.resize(data.ne(), 0.0);
-        times(self.jacobian.entries(), data.qvel(), &mut self.wanted);
+        data.jacobian_times(data.qvel(), &mut self.wanted);
         let mut error = largest(&self.wanted);
         for _ in 0..MAX_ROUNDS {
-            if error <= f64::EPSILON * self.largest_sum(data.qvel()) {
+            if error <= f64::EPSILON * largest_sum(data) {
                 return Ok(());
             }
             self.wanted.iter_mut().for_each(|rate| *rate = -*rate);
@@ -259,7 +252,7 @@ impl Projector {
             for ((changed, given), step) in self.changed.iter_mut().zip(data.qvel()).zip(&self.step) {
                 *changed = given + step;
             }
-            times(self.jacobian.entries(), &self.changed, &mut self.wanted);
+            data.jacobian_times(&self.changed, &mut self.wanted);
             let after = largest(&self.wanted);
             if !after.lt(&error) {
                 return Ok(());
@@ -270,26 +263,12 @@ impl Projector {
         Ok(())
     }
 
-    /// Largest Σ |J| |v| of a row.
-    fn largest_sum(&self, velocity: &[f64]) -> f64 {
-        let row_sum =
-            |row: &[f64]| sum(row.iter().zip(velocity).map(|(entry, rate)| entry.abs() * rate.abs()));
-        self.jacobian.entries().chunks_exact(velocity.len()).map(row_sum).fold(0.0, f64::max)
-    }
-
     /// `step` = M⁻¹ Jᵀ A⁺ `wanted`: of those nearest to J δ = c the one with the least ½ δᵀ M δ; of those that push no violated limit
     /// and no penetrating contact deeper, unless the loops ask for it. One of velocities may slow down what leaves a limit, but not
     /// turn it back.
     fn correct(&mut self, data: &mut Data, of_velocities: bool) -> Result<(), Error> {
-        self.jacobian.read(data);
-        self.gaps.hold(data, self.jacobian.entries(), &mut self.system);
-        let step = FactoredStep {
-            jacobian: self.jacobian.entries(),
-            unconstrained: &self.zero,
-            aref: &self.wanted,
-            regularisation: None,
-        };
-        self.inertia.assemble(data, &step, &mut self.system)?;
+        self.gaps.hold(data, &mut self.system);
+        self.inertia.assemble(data, &self.zero, &self.wanted, None, &mut self.system)?;
         self.solve(data)?;
         if data.nefc() > data.ne() {
             self.guard(data, of_velocities)?;
@@ -347,6 +326,14 @@ impl Projector {
         self.system.renew(&self.change, &self.wanted)?;
         self.solve(data)
     }
+}
+
+/// Largest Σ |J| |v| of an equality row.
+fn largest_sum(data: &Data) -> f64 {
+    let (rows, qvel) = (data.jacobian(), data.qvel());
+    let row_sum =
+        |row| sum(rows.row(row, qvel.len()).map(|(column, entry)| entry.abs() * qvel[column].abs()));
+    (0..data.ne()).map(row_sum).fold(0.0, f64::max)
 }
 
 /// Entry of qpos of each velocity of a slide or hinge.

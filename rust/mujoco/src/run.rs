@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::library::{Data, Model, without_timers};
 use crate::state::{Baumgarte, State};
 use crate::steps::{Column, Steps};
-use crate::vectors::{largest, times};
+use crate::vectors::largest;
 use crate::walker::{bounded, is_sane};
 
 /// What an outside truth speaks of.
@@ -166,7 +166,7 @@ impl Notes {
         self.place(steps, step, data);
         steps.list("residual", data.pos());
         self.acceleration.resize(data.ne(), 0.0);
-        times(state.jacobian(), qacc, &mut self.acceleration);
+        data.jacobian_times(qacc, &mut self.acceleration);
         for (sum, curvature) in self.acceleration.iter_mut().zip(state.curvature()) {
             *sum += curvature;
         }

@@ -105,6 +105,7 @@ void oarlock_view_model(const mjModel* m, oarlock_model* view) {
     .nq = m->nq, .nv = m->nv, .nu = m->nu, .na = m->na, .nbody = m->nbody, .njnt = m->njnt, .ngeom = m->ngeom,
     .nsite = m->nsite, .neq = m->neq, .ntendon = m->ntendon, .nwrap = m->nwrap, .nplugin = m->nplugin,
     .sparse = api.mj_isSparse(m), .staged = m->opt.integrator == mjINT_RK4, .timestep = m->opt.timestep,
+    .mass_lengths = m->M_rownnz, .mass_starts = m->M_rowadr, .mass_columns = m->M_colind,
     .body_parentid = m->body_parentid, .body_rootid = m->body_rootid, .body_dofadr = m->body_dofadr,
     .body_dofnum = m->body_dofnum, .jnt_type = m->jnt_type, .jnt_qposadr = m->jnt_qposadr,
     .jnt_dofadr = m->jnt_dofadr, .geom_bodyid = m->geom_bodyid, .site_bodyid = m->site_bodyid,
@@ -123,7 +124,7 @@ void oarlock_view_data(mjData* d, oarlock_data* view) {
   *view = (oarlock_data){
     .time = &d->time, .energy = d->energy, .qpos = d->qpos, .qvel = d->qvel, .act = d->act, .ctrl = d->ctrl,
     .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .eq_active = d->eq_active, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth,
-    .inverse_diagonal = d->qLDiagInv, .cvel = d->cvel, .cdof_dot = d->cdof_dot,
+    .mass = d->M, .mass_factor = d->qLD, .inverse_diagonal = d->qLDiagInv, .cvel = d->cvel, .cdof_dot = d->cdof_dot,
     .subtree_com = d->subtree_com, .geom_xpos = d->geom_xpos, .geom_xmat = d->geom_xmat, .site_xpos = d->site_xpos,
     .ten_length = d->ten_length, .ten_velocity = d->ten_velocity, .wrap_xpos = d->wrap_xpos,
     .ten_wrapadr = d->ten_wrapadr, .ten_wrapnum = d->ten_wrapnum, .wrap_obj = d->wrap_obj,

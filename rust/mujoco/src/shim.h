@@ -13,6 +13,7 @@ typedef struct {
   int64_t nq, nv, nu, na, nbody, njnt, ngeom, nsite, neq, ntendon, nwrap, nplugin;
   int64_t sparse, staged;
   double timestep;
+  const int *mass_lengths, *mass_starts, *mass_columns;
   const int *body_parentid, *body_rootid, *body_dofadr, *body_dofnum, *jnt_type, *jnt_qposadr, *jnt_dofadr;
   const int *geom_bodyid, *site_bodyid, *eq_type, *eq_objtype, *eq_obj1id, *eq_obj2id;
   const int *tendon_adr, *tendon_num, *wrap_type, *wrap_objid;
@@ -25,7 +26,7 @@ typedef struct {
 typedef struct {
   double *time, *energy, *qpos, *qvel, *act, *ctrl, *qacc, *qfrc_constraint;
   mjtBool* eq_active;
-  const double *qfrc_smooth, *qacc_smooth, *inverse_diagonal, *cvel, *cdof_dot;
+  const double *qfrc_smooth, *qacc_smooth, *mass, *mass_factor, *inverse_diagonal, *cvel, *cdof_dot;
   const double *subtree_com, *geom_xpos, *geom_xmat, *site_xpos, *ten_length, *ten_velocity, *wrap_xpos;
   const int *ten_wrapadr, *ten_wrapnum, *wrap_obj, *solver_niter;
 } oarlock_data;

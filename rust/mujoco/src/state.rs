@@ -1,14 +1,14 @@
 //! What one state says: M's factor, J, the smooth acceleration and the constraint rows, straight from MuJoCo's arrays; and the question that
 //! it puts to a solver.
 
-use oarlock_core::{ConstrainedSystem, FactoredStep};
+use oarlock_core::ConstrainedSystem;
 
 use crate::curvature::Curvature;
 use crate::error::Error;
 use crate::gaps::Gaps;
 use crate::inequalities::{Inequalities, Rows};
 use crate::inertia::Inertia;
-use crate::library::{Data, Jacobian, Model};
+use crate::library::{Data, Model};
 
 /// The form of a question.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,7 +36,6 @@ pub struct State {
     inertia: Inertia,
     unconstrained: Vec<f64>,
     softness: Vec<f64>,
-    jacobian: Jacobian,
     curvature: Vec<f64>,
     aref: Vec<f64>,
     gaps: Gaps,
@@ -56,7 +55,6 @@ impl State {
             inertia: Inertia::new(model.nv()),
             unconstrained: vec![0.0; model.nv()],
             softness: Vec::new(),
-            jacobian: Jacobian::default(),
             curvature: Vec::new(),
             aref: Vec::new(),
             gaps: Gaps::new(model),
@@ -76,14 +74,7 @@ impl State {
             self.aref.resize(ne, 0.0);
             self.softness.resize(ne, 0.0);
         }
-        self.jacobian.read(data);
         self.rows.write(data, &mut self.curvature)
-    }
-
-    /// J, ne×nv, row-major.
-    #[must_use]
-    pub fn jacobian(&self) -> &[f64] {
-        self.jacobian.entries()
     }
 
     /// J̇v, ne, m/s² or rad/s².
@@ -110,21 +101,20 @@ impl State {
         system: &mut ConstrainedSystem,
         inequalities: &mut Inequalities,
     ) -> Result<(), Error> {
-        self.ask_by(data, form, system, Data::whiten)?;
+        self.ask_equalities(data, form, system)?;
         let Self { others, inertia, unconstrained, aref, .. } = self;
         inequalities.answer(data, others, inertia, system, unconstrained, aref)
     }
 
-    /// The question of the equality rows alone, with somebody else's call of [`Data::whiten`]: for timing it.
+    /// The question of the equality rows alone.
     ///
     /// # Errors
     /// As [`ask`](Self::ask).
-    pub fn ask_by(
+    pub fn ask_equalities(
         &mut self,
         data: &mut Data,
         form: Form,
         system: &mut ConstrainedSystem,
-        whiten: impl FnMut(&mut Data, &mut [f64], &[f64], &[f64]) -> Result<(), Error>,
     ) -> Result<(), Error> {
         match form {
             Form::Matched => {
@@ -139,14 +129,9 @@ impl State {
             }
         }
         self.unconstrained.copy_from_slice(data.qacc_smooth());
-        self.gaps.hold(data, self.jacobian.entries(), system);
-        let step = FactoredStep {
-            jacobian: self.jacobian.entries(),
-            unconstrained: &self.unconstrained,
-            aref: &self.aref,
-            regularisation: (form == Form::Matched).then_some(&self.softness[..]),
-        };
-        self.inertia.assemble_by(data, &step, system, whiten)
+        self.gaps.hold(data, system);
+        let softness = (form == Form::Matched).then_some(&self.softness[..]);
+        self.inertia.assemble(data, &self.unconstrained, &self.aref, softness, system)
     }
 
     /// Accelerations and constraint forces of multipliers, as [`Inertia::acceleration`].
@@ -167,7 +152,7 @@ impl State {
 
 #[cfg(all(test, unix))]
 mod tests {
-    use super::*;
+    use crate::library::Jacobian;
     use crate::library::testing::{LENGTH, PENDULUM, data, model};
 
     #[test]

@@ -3,13 +3,48 @@
 use std::sync::{Mutex, MutexGuard};
 use std::time::Duration;
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use numpy::{IntoPyArray, Ix1, Ix2, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use oarlock_core as core;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyTuple;
 
 use crate::convert::{Numbers, alone, input_error, matrix, vector};
 use crate::solver::{Info, MultiplierSolver};
+
+type Indices<'py> = PyReadonlyArray1<'py, i32>;
+
+/// J as it is given.
+enum Jacobian<'py> {
+    Dense(Numbers<'py, Ix2>),
+    Compressed([Indices<'py>; 3], Numbers<'py, Ix1>),
+}
+
+impl<'py> Jacobian<'py> {
+    fn read(given: &Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<Self> {
+        if !given.is_instance_of::<PyTuple>() {
+            return Ok(Self::Dense(matrix("jacobian", given, shape)?));
+        }
+        let (lengths, starts, columns, values): (_, _, _, Bound<'py, PyAny>) = given.extract()?;
+        Ok(Self::Compressed([lengths, starts, columns], vector("jacobian", &values)?))
+    }
+
+    fn view(&self) -> PyResult<core::JacobianView<'_>> {
+        Ok(match self {
+            Self::Dense(entries) => core::JacobianView::Dense(entries.as_slice()?),
+            Self::Compressed([lengths, starts, columns], values) => core::JacobianView::Compressed {
+                lengths: lengths.as_slice()?,
+                starts: starts.as_slice()?,
+                columns: columns.as_slice()?,
+                values: values.as_slice()?,
+            },
+        })
+    }
+}
+
+/// `M_rownnz`, `M_rowadr`, `M_colind`, `M`, `qLD` and `qLDiagInv`.
+type Inertia<'py> =
+    (Indices<'py>, Indices<'py>, Indices<'py>, Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 /// A λ = b of one step: A = J M⁻¹ Jᵀ (+ R), b = aref − J M⁻¹ f. Make one and assemble it anew every step.
 #[pyclass(frozen, module = "oarlock._core")]
@@ -94,6 +129,42 @@ impl ConstrainedSystem {
             }
         };
         py.detach(|| inner.assemble_factored(&step, &mut whiten)).map_err(input_error)
+    }
+
+    /// Forms A and b of a mechanism whose inertia lies along a kinematic tree: from J (n×nv, or its lengths, starts, columns and values as
+    /// MuJoCo compresses it), M as MuJoCo keeps it, a₀ = M⁻¹ f (nv), aref (n) and, for soft rows, R (n). `inertia` has `M_rownnz`, `M_rowadr`, `M_colind`, `M`, `qLD` and `qLDiagInv`.
+    #[pyo3(signature = (jacobian, inertia, unconstrained, aref, regularisation=None))]
+    fn assemble_sparse(
+        &self,
+        py: Python<'_>,
+        jacobian: &Bound<'_, PyAny>,
+        inertia: Inertia<'_>,
+        unconstrained: &Bound<'_, PyAny>,
+        aref: &Bound<'_, PyAny>,
+        regularisation: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let (unconstrained, aref) = (vector("unconstrained", unconstrained)?, vector("aref", aref)?);
+        let rows = Jacobian::read(jacobian, [aref.len(), unconstrained.len()])?;
+        let softness = regularisation.map(|given| vector("regularisation", given)).transpose()?;
+        let (lengths, starts, columns, mass, factor, inverse_diagonal) = inertia;
+        let (mass, factor) = (vector("mass", &mass)?, vector("factor of M", &factor)?);
+        let inverse_diagonal = vector("inverse diagonal", &inverse_diagonal)?;
+        let step = core::SparseStep {
+            jacobian: rows.view()?,
+            inertia: core::TreeView {
+                lengths: lengths.as_slice()?,
+                starts: starts.as_slice()?,
+                columns: columns.as_slice()?,
+                mass: mass.as_slice()?,
+                factor: factor.as_slice()?,
+                inverse_diagonal: inverse_diagonal.as_slice()?,
+            },
+            unconstrained: unconstrained.as_slice()?,
+            aref: aref.as_slice()?,
+            regularisation: softness.as_ref().map(Numbers::as_slice).transpose()?,
+        };
+        let inner = &mut *self.take()?;
+        py.detach(|| inner.assemble_sparse(&step)).map_err(input_error)
     }
 
     /// Says how far each row of the next step stands open, as a part of the length that it turns on, and asks to hold the rank

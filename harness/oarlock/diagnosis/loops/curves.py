@@ -190,19 +190,26 @@ class Linkage:
 
     @property
     def oriented(self) -> bool:
-        """Whether the group has one freedom and no row too many, so that ``orientation`` is known."""
+        """Whether the group has one freedom and no row too many, so that ``along`` is known."""
         return len(self._holding) + 1 == len(self.joints)
 
-    def orientation(self, qpos: np.ndarray) -> np.ndarray:
-        """The motion (k) that the rows admit at a pose (nq), of length 1, with the sign that makes (J, t) right-handed.
+    def along(self, qpos: np.ndarray, move: np.ndarray) -> float:
+        """Part of a move (k) along the motion t that the rows admit at a pose (nq): |t| = 1, (J, t) right-handed.
 
-        Along a curve of closed poses it changes steadily. Who goes straight through a pose at which two curves
-        cross, or jumps from one to another beside it, finds it reversed.
+        Along a curve of closed poses t changes steadily. Who goes straight through a pose at which two curves cross, or
+        jumps from one to another beside it, finds it reversed. 0 where the rows do not tell.
         """
         self.place(qpos)
         rows = self._assembly.jacobian()[self._holding][:, self.dofs] * self._units
-        motion = np.linalg.svd(rows)[2][-1]
-        return motion * np.sign(np.linalg.det(np.vstack([rows, motion])))
+        # With J x = 0 and move · x = 1, x is t over move · t, whose sign is that of the determinant of (J, move).
+        whole = np.vstack([rows, move])
+        last = np.zeros(len(whole))
+        last[-1] = 1.0
+        try:
+            length = float(np.linalg.norm(np.linalg.solve(whole, last)))
+        except np.linalg.LinAlgError:
+            return 0.0
+        return float(np.linalg.slogdet(whole)[0]) / length if np.isfinite(length) else 0.0
 
     def _tangent(self, before: np.ndarray | None) -> np.ndarray:
         """The way on: of motions that the rows admit the one that is nearest to the last one."""

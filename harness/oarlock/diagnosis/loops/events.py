@@ -8,6 +8,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.diagnosis.loops.loops import SCALED, Loops, loops_at, scales_along
+from oarlock.mechanics.folding import fold
 from oarlock.mechanics.names import Equality
 from oarlock.poses.assembly import Assembly
 
@@ -30,8 +31,17 @@ LOOKED_FOR = 60
 _HALVINGS = 24
 """Golden sections of a dip: 0.618²⁴ of two samples' distance is 1e-5."""
 
-_CHUNK = 1 << 22
-"""Numbers of J that are held at once."""
+MANY = 60
+"""So many rows and more are looked at by their products."""
+
+LOOKS = 250
+"""Of so many rows so many poses of a motion are looked at, equally spaced."""
+
+LOW = 2.0 * DIP
+"""Of the median: around values below it every pose is looked at, for there may be a dip between."""
+
+SQUARED = 1e-3
+"""A smallest singular value, of the largest, whose square has ten digits beside that of the largest."""
 
 Kind = Literal["singular", "near"]
 
@@ -116,9 +126,7 @@ def rank_events(
         none = np.zeros(len(qpos))
         return RankHistory(0, none, none.copy(), (), removable, generic)
     view = _View(assembly, qpos, generic.rank)
-    sigma = view.along(qpos)
-    at_rank = sigma[:, generic.rank - 1]
-    beyond = sigma[:, generic.rank] if sigma.shape[1] > generic.rank else np.zeros(len(qpos))
+    at_rank, beyond = view.along(qpos)
     usual = float(np.median(at_rank))
     events = [_refined(view, qpos, times_s, run, at_rank, usual) for run in _dips(at_rank, usual)]
     found = tuple(event for event in events if event is not None)
@@ -132,17 +140,38 @@ class _View:
         self.assembly, self.rank = assembly, rank
         self.owners: list[Equality] = [one for one in assembly.equalities for _ in range(one.rows)]
         self._scales = scales_along(assembly, qpos)
-        sizes = self._sizes(qpos[:: max(1, len(qpos) // SCALED)])
-        self._largest = float(sizes[:, 0].max())
+        some = qpos[:: max(1, len(qpos) // SCALED)]
+        self._largest = max(_sizes(self._rows_at(pose), rank)[0] for pose in some)
 
-    def _sizes(self, qpos: np.ndarray) -> np.ndarray:
-        return np.linalg.svd(self._scales[:, None] * self.assembly.whitened_along(qpos), compute_uv=False)
+    def _rows_at(self, pose: np.ndarray) -> np.ndarray:
+        """Scaled rows (k, nv) at a pose, proportional ones folded."""
+        self.assembly.place(pose)
+        return fold(self._scales[:, None] * self.assembly.whitened(self.assembly.jacobian())).rows
 
-    def along(self, qpos: np.ndarray) -> np.ndarray:
-        """Singular values (T, min(n, nv)), descending."""
-        size = max(1, _CHUNK // max(1, len(self.assembly.rows) * self.assembly.model.nv))
-        parts = [self._sizes(qpos[at : at + size]) for at in range(0, len(qpos), size)]
-        return np.concatenate(parts) / self._largest
+    def along(self, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Singular values (T): that of the rank, and the largest one beyond it.
+
+        Of long motions of many rows they are computed at ``LOOKS`` poses, and at all of those around low ones; between
+        the others they are interpolated.
+        """
+        found = np.full((len(qpos), 2), np.nan)
+
+        def look(places: np.ndarray) -> None:
+            for at in places[np.isnan(found[places, 0])]:
+                found[at] = np.divide(_sizes(self._rows_at(qpos[at]), self.rank)[1:], self._largest)
+
+        every = len(qpos) if self.rank < MANY else min(LOOKS, len(qpos))
+        some = np.unique(np.linspace(0, len(qpos) - 1, every).astype(int))
+        look(some)
+        if every < len(qpos):
+            values = found[some, 0]
+            low = np.flatnonzero(values < LOW * np.median(values))
+            for at in low:
+                look(np.arange(some[max(0, at - 1)], some[min(len(some) - 1, at + 1)] + 1))
+            known = np.flatnonzero(~np.isnan(found[:, 0]))
+            for column in found.T:
+                column[:] = np.interp(np.arange(len(qpos)), known, column[known])
+        return found[:, 0], found[:, 1]
 
     def here(self) -> tuple[np.ndarray, np.ndarray]:
         """Left singular vectors (n, n) and singular values at the assembly's present pose."""
@@ -150,6 +179,20 @@ class _View:
         scaled = self._scales[:, None] * assembly.whitened(assembly.jacobian())
         directions, sigma, _ = np.linalg.svd(scaled)
         return directions, sigma / self._largest
+
+
+def _sizes(rows: np.ndarray, rank: int) -> tuple[float, float, float]:
+    """Singular values of rows (k, nv): the largest, that of the rank, and the largest one beyond it; 0 where none is.
+
+    Of many rows, none of them beyond the rank, they are the roots of eigenvalues of the products, unless squares are
+    too small for that.
+    """
+    if MANY <= len(rows) == rank:
+        squares = np.linalg.eigvalsh(rows @ rows.T)
+        if squares[0] > np.square(SQUARED) * squares[-1]:
+            return float(np.sqrt(squares[-1])), float(np.sqrt(squares[0])), 0.0
+    sizes = [*np.linalg.svd(rows, compute_uv=False)[: rank + 1].tolist(), *[0.0] * (rank + 1)]
+    return sizes[0], sizes[rank - 1], sizes[rank]
 
 
 def _dips(values: np.ndarray, usual: float) -> list[tuple[int, int, int]]:

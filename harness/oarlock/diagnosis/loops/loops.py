@@ -16,6 +16,7 @@ from oarlock.diagnosis.loops.rank import (
     zero_rows,
 )
 from oarlock.mechanics.coupled import coupled, coupled_ids
+from oarlock.mechanics.folding import fold
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.poses.assembly import Assembly
 from oarlock.poses.layout import Row
@@ -210,14 +211,15 @@ def loops_at(assembly: Assembly, closed: bool = True, *, dependent: bool = True)
     groups, bases, loops = [], [], {}
     for number, chosen in enumerate(members):
         rows = assembly.rows_of_all(chosen)
-        found = spectrum(np.linalg.svd(scaled[rows], compute_uv=False))
-        null = null_basis(scaled[rows], found.rank, scales[rows])
+        folded = fold(scaled[rows])
+        found = spectrum(np.linalg.svd(folded.rows, compute_uv=False))
+        null = null_basis(folded, found.rank, scales[rows])
         dofs = sorted({dof for one in chosen for dof in paths[one].dofs})
         joints = sorted({joint for one in chosen for joint in paths[one].joints})
-        for one in chosen:
-            own = np.isin(rows, assembly.rows_of_all([one]))
+        sizes = [assembly.equalities[one].rows for one in chosen]
+        for one, own in zip(chosen, np.split(null, np.cumsum(sizes)[:-1]), strict=True):
             # The rank without it: its part of null(Jᵀ) has full row rank exactly if nothing is lost.
-            lost = int(own.sum()) - _rank_of_part(null[own])
+            lost = len(own) - _rank_of_part(own)
             loops[one] = _loop(assembly, one, paths[one], number, zero, lost)
         shape, normal = common_shape([paths[one] for one in chosen])
         groups.append(
@@ -272,7 +274,7 @@ def scales_along(assembly: Assembly, qpos: np.ndarray) -> np.ndarray:
 
 def _rank_of_part(part: np.ndarray) -> int:
     """Rank of some rows (m, k) of an orthonormal basis: they carry tenths, or rounding."""
-    return int((np.linalg.svd(part, compute_uv=False) > FLOOR**0.5).sum()) if part.size else 0
+    return int((np.linalg.eigvalsh(part @ part.T) > FLOOR).sum()) if part.size else 0
 
 
 def _loop(assembly: Assembly, one: int, path: Path, group: int, zero: np.ndarray, lost: int) -> Loop:

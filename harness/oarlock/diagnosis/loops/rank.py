@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from oarlock.mechanics.folding import Folded
+
 ZERO_ROW = 1e-10
 """Relative to the largest entry of J: such a row holds nothing. Rounding of long chains is 1e-13."""
 
@@ -92,14 +94,30 @@ def row_scales(whitened: np.ndarray, blocks: list[slice]) -> np.ndarray:
     return scales
 
 
-def null_basis(scaled: np.ndarray, rank: int, scales: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (n, n − rank) of the multipliers that do nothing, null(Jᵀ), from scaled rows (n, nv).
+def null_basis(folded: Folded, rank: int, scales: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (n, n − rank) of the multipliers that do nothing, null(Jᵀ), from scaled rows, folded.
 
     A row that was scaled by s has the multiplier s times that of the scaled one; rows scaled by 0 hold nothing, so that
-    any multiplier of theirs does nothing.
+    any multiplier of theirs does nothing. Multipliers of proportional rows that cancel one another come first, class by
+    class; what is dependent beyond them is there only where more classes are left than the rank.
     """
-    directions = np.linalg.svd(scaled, full_matrices=len(scaled) > scaled.shape[1])[0][:, rank:]
-    return np.linalg.qr(directions * np.where(scales > 0, scales, 1.0)[:, None])[0]
+    factors, count = np.where(scales > 0, scales, 1.0), len(folded.rows)
+    zero = np.flatnonzero(folded.owner < 0)
+    members = folded.members()
+    found = np.zeros((len(scales), len(scales) - count))
+    found[zero, np.arange(len(zero))] = 1.0
+    at = len(zero)
+    for one in members:
+        others = np.linalg.qr(folded.weights[one, None], mode="complete")[0][:, 1:]
+        found[one, at : at + len(one) - 1] = np.linalg.qr(factors[one, None] * others)[0]
+        at += len(one) - 1
+    if count <= rank:
+        return found
+    directions = np.linalg.svd(folded.rows, full_matrices=count > folded.rows.shape[1])[0][:, rank:]
+    spread = factors[:, None] * folded.spread(directions)
+    if not members:  # zero rows have no part in what is dependent
+        return np.hstack([found, np.linalg.qr(spread)[0]])
+    return np.linalg.qr(np.hstack([found, spread]))[0]
 
 
 PART = 1e-6

@@ -34,8 +34,15 @@ from oarlock.poses.assembly import Assembly
 SAMPLES = 24
 """So many poses of a motion at most, equally spaced, are closed and looked at."""
 
+FEWEST, WORK = 8, 2_000_000
+"""Of many rows they are fewer: so many numbers of J in all, but no fewer poses than that."""
+
 AROUND = 0.3
 """rad or m. Without a motion, so far from the start are the poses that are looked at."""
+
+WIDE = 30
+"""Beyond so many vectors of three components their range is that of their 3 × 3 matrix of products, which squares do no
+harm: what counts is tenths, or rounding far below ``VANISHES``."""
 
 _BODY = mujoco.mjtObj.mjOBJ_BODY
 
@@ -130,9 +137,8 @@ def find_uniqueness(
     """
     assembly = Assembly(model, data)
     looked_at: list[tuple[Loops, list[_Look]]] = []
-    for pose in (
-        _poses(assembly) if qpos is None else qpos[np.unique(np.linspace(0, len(qpos) - 1, SAMPLES).astype(int))]
-    ):
+    most = min(SAMPLES, max(FEWEST, WORK // max(1, len(assembly.rows) * model.nv)))
+    for pose in _poses(assembly) if qpos is None else qpos[np.unique(np.linspace(0, len(qpos) - 1, most).astype(int))]:
         assembly.place(pose)
         loops = loops_at(assembly, assembly.close(), dependent=False)
         looked_at.append((loops, _looks(assembly, loops)))
@@ -181,16 +187,15 @@ class _Look:
 
 def _looks(assembly: Assembly, loops: Loops) -> list[_Look]:
     every = [body_wrenches(assembly, number) for number in range(len(assembly.equalities))]
-    free = _free_basis(assembly, loops, every)
-    found = [_equality_look(assembly, loops, number, every, free) for number in range(len(every))]
+    idle = [_idle(group) for group in loops.groups]
+    free = _free_basis(assembly, loops, every, idle)
+    found = [_equality_look(assembly, loops, number, every, free, idle) for number in range(len(every))]
     for group in range(len(loops.groups)):
         members = loops.members(group)
         found += [
-            _pair_look(assembly, loops.groups[group], pair, every, free)
-            for pair in _pairs(assembly, members)
-            if len(pair) > 1
+            _pair_look(assembly, idle[group], pair, every, free) for pair in _pairs(assembly, members) if len(pair) > 1
         ]
-        found += _joint_looks(assembly, loops, group, every, free)
+        found += _joint_looks(assembly, loops, group, every, free, idle[group])
     return found
 
 
@@ -202,11 +207,14 @@ def _idle(group: Group) -> tuple[np.ndarray, np.ndarray]:
     return normal, np.linalg.svd(normal)[0][:, 1:]
 
 
+_Idle = tuple[np.ndarray, np.ndarray]
+
+
 def _without(directions: np.ndarray, rest: np.ndarray) -> np.ndarray:
     return rest - directions @ (directions.T @ rest)
 
 
-def _free_basis(assembly: Assembly, loops: Loops, every: list[list[BodyWrench]]) -> np.ndarray:
+def _free_basis(assembly: Assembly, loops: Loops, every: list[list[BodyWrench]], across: list[_Idle]) -> np.ndarray:
     """Basis (n, k) of null(Jᵀ), without what is idle."""
     free = loops.null.copy()
     for number, loop in enumerate(loops.loops):
@@ -215,33 +223,41 @@ def _free_basis(assembly: Assembly, loops: Loops, every: list[list[BodyWrench]])
         free[rows][[labels.index(label) for label in loop.zero_rows]] = 0.0
         group = loops.groups[loop.group]
         if loop.path.shape == "planar" and group.normal is not None:
-            force, torque = _idle(group)
+            force, torque = across[loop.group]
             wrench = every[number][0]
             # Multipliers that only push across the plane or only turn out of it.
             works = np.vstack([_without(force, wrench.force), _without(torque, wrench.torque)])
             sizes, directions = np.linalg.svd(works)[1:]
             idle = directions[int((sizes > VANISHES * sizes.max(initial=0.0)).sum()) :].T
             free[rows] = _without(idle, free[rows])
-    return free
+    return free[:, free.any(axis=0)]
 
 
 def _range(vectors: np.ndarray, scale: float = 1.0) -> np.ndarray:
     """Orthonormal basis (3, m) of the range of vectors (3, k), given per unit multiplier."""
     if not vectors.size:
         return np.zeros((3, 0))
+    if vectors.shape[1] > WIDE:
+        squares, directions = np.linalg.eigh(vectors @ vectors.T)
+        return directions[:, squares > np.square(VANISHES * scale)][:, ::-1]
     directions, sizes, _ = np.linalg.svd(vectors, full_matrices=False)
     return directions[:, sizes > VANISHES * scale]
 
 
 def _equality_look(
-    assembly: Assembly, loops: Loops, number: int, every: list[list[BodyWrench]], free: np.ndarray
+    assembly: Assembly,
+    loops: Loops,
+    number: int,
+    every: list[list[BodyWrench]],
+    free: np.ndarray,
+    across: list[_Idle],
 ) -> _Look:
     equality, loop, rows = assembly.equalities[number], loops.loops[number], assembly.rows_of(number)
     if not equality.kind.joins_points:
         coupled = bool(np.abs(free[rows]).max(initial=0.0) <= VANISHES)
-        return _Look("equality", (equality.name,), (), None, None, _idle(loops.groups[loop.group]), coupled, ())
+        return _Look("equality", (equality.name,), (), None, None, across[loop.group], coupled, ())
     wrench = every[number][0]
-    force, torque = _idle(loops.groups[loop.group])
+    force, torque = across[loop.group]
     labels = [row.label for row in loop.rows]
     zero = [labels.index(label) for label in loop.zero_rows]
     force = _range(np.hstack([force, np.eye(3)[:, [at for at in zero if at < 3]]]))
@@ -276,12 +292,12 @@ def _pair_map(assembly: Assembly, pair: list[int], every: list[list[BodyWrench]]
 
 
 def _pair_look(
-    assembly: Assembly, group: Group, pair: list[int], every: list[list[BodyWrench]], free: np.ndarray
+    assembly: Assembly, idle: _Idle, pair: list[int], every: list[list[BodyWrench]], free: np.ndarray
 ) -> _Look:
     bodies = assembly.equalities[pair[0]].bodies
     act = _pair_map(assembly, pair, every)
     both = act @ free[assembly.rows_of_all(pair)]
-    force, torque = _idle(group)
+    force, torque = idle
     # Forces at points of one line have no torque about it: a hinge.
     none = np.linalg.svd(act[3:])[0][:, _count(act[3:] / _length(assembly)) :]
     return _Look(
@@ -297,19 +313,16 @@ def _pair_look(
 
 
 def _joint_looks(
-    assembly: Assembly, loops: Loops, group: int, every: list[list[BodyWrench]], free: np.ndarray
+    assembly: Assembly, loops: Loops, group: int, every: list[list[BodyWrench]], free: np.ndarray, idle: _Idle
 ) -> list[_Look]:
     model, data = assembly.model, assembly.data
-    members, idle = loops.members(group), _idle(loops.groups[group])
+    carried = _carried(assembly, loops.members(group), every, free)
     found = []
     for body in sorted({int(model.dof_bodyid[dof]) for dof in loops.dofs(group)}):
         joints = range(int(model.body_jntadr[body]), int(model.body_jntadr[body] + model.body_jntnum[body]))
         anchor = data.xanchor[joints[0]]
-        through = np.zeros((6, free.shape[1]))
-        for number in members:
-            for wrench in every[number]:
-                if _carries(model, body, wrench.body):
-                    through += wrench.about(anchor) @ free[assembly.rows_of(number)]
+        through = carried[body].copy()
+        through[3:] -= np.cross(anchor, through[:3], axisb=0, axisc=0)
         bodies = body, int(model.body_parentid[body])
         axes = [(kind, data.xaxis[joint]) for joint in joints if (kind := _free_axis(model, data, joint, anchor))]
         moves = {kind: [axis for other, axis in axes if other == kind] for kind in ("slide", "hinge")}
@@ -342,11 +355,19 @@ def _free_axis(
     return "hinge" if kind == mujoco.mjtJoint.mjJNT_HINGE and through else None
 
 
-def _carries(model: mujoco.MjModel, body: int, other: int) -> bool:
-    """Whether a body is another or one of those before it."""
-    while other > body:
-        other = int(model.body_parentid[other])
-    return other == body
+def _carried(assembly: Assembly, members: list[int], every: list[list[BodyWrench]], free: np.ndarray) -> np.ndarray:
+    """Force and torque about the world's origin on every body and all beyond it, (nbody, 6, k), of free multipliers."""
+    model = assembly.model
+    found = np.zeros((model.nbody, 6, free.shape[1]))
+    for number in members:
+        own = free[assembly.rows_of(number)]
+        if not own.any():
+            continue
+        for wrench in every[number]:
+            found[wrench.body] += wrench.about(np.zeros(3)) @ own
+    for body in range(model.nbody - 1, 0, -1):  # a body comes after its parent
+        found[int(model.body_parentid[body])] += found[body]
+    return found
 
 
 def _length(assembly: Assembly) -> float:

@@ -15,6 +15,7 @@ from oarlock.base.errors import InputError
 from oarlock.diagnosis.loops.forces import coupling_slope, quat_product, torque_map, turns
 from oarlock.diagnosis.loops.loops import Loops, loops_at, scales_along
 from oarlock.mechanics.coupled import coupled, coupled_ids
+from oarlock.mechanics.folding import ALIKE, Folded, fold
 from oarlock.mechanics.names import Equality
 from oarlock.poses.assembly import Assembly
 
@@ -92,15 +93,19 @@ def wrenches(
         loops = loops_at(assembly, assembly.close(), dependent=False)
     scales = scales_along(assembly, qpos)
     turned, slopes, free = _Turned(assembly, len(qpos)), np.zeros((len(qpos), len(assembly.equalities))), []
+    classes: dict[int, Folded] = {}
+    couplings = [number for number, one in enumerate(assembly.equalities) if not one.kind.joins_points]
     size = max(1, _CHUNK // max(1, len(assembly.rows) * model.nv))
     for first in range(0, len(qpos), size):
-        stack = np.zeros((len(qpos[first : first + size]), len(assembly.rows), model.nv))
-        for at in range(len(stack)):
-            assembly.place(qpos[first + at])
-            stack[at] = scales[:, None] * assembly.whitened(assembly.jacobian())
+        poses = qpos[first : first + size]
+        stack = np.zeros((len(poses), len(assembly.rows), model.nv))
+        for at, pose in enumerate(poses):
+            assembly.place(pose)
+            stack[at] = scales[:, None] * assembly.jacobian()
             turned.read(first + at)
-            slopes[first + at] = [coupling_slope(assembly, one) for one in assembly.equalities]
-        free.append(_free_part(assembly, loops, stack, scales, multipliers[first : first + size]))
+            for number in couplings:
+                slopes[first + at, number] = coupling_slope(assembly, assembly.equalities[number])
+        free.append(_free_part(assembly, loops, poses, stack, scales, multipliers[first : first + size], classes))
     undetermined = np.concatenate(free) if free else np.zeros(expected)
     found = []
     for number, equality in enumerate(assembly.equalities):
@@ -114,9 +119,19 @@ def wrenches(
 
 
 def _free_part(
-    assembly: Assembly, loops: Loops, stack: np.ndarray, scales: np.ndarray, multipliers: np.ndarray
+    assembly: Assembly,
+    loops: Loops,
+    qpos: np.ndarray,
+    stack: np.ndarray,
+    scales: np.ndarray,
+    multipliers: np.ndarray,
+    classes: dict[int, Folded],
 ) -> np.ndarray:
-    """The part of multipliers (T, n) in null(Jᵀ), from scaled rows (T, n, nv) and the ranks of the groups."""
+    """The part of multipliers (T, n) in null(Jᵀ), at poses, from scaled rows (T, n, nv) and the ranks of the groups.
+
+    ``classes`` keeps the proportional rows of every group, as they are at the first pose of all.
+    """
+    whitened: np.ndarray | None = None
     found = np.zeros_like(multipliers)
     for number, group in enumerate(loops.groups):
         rows = assembly.rows_of_all(loops.members(number))
@@ -125,14 +140,56 @@ def _free_part(
         rows = rows[scales[rows] > 0.0]
         if len(rows) <= group.rank:
             continue
-        some = stack[:, rows]
+        if number not in classes:
+            classes[number] = fold(stack[0, rows])
+        repeats = _repeats(stack[:, rows], classes[number], group.rank)
+        if repeats is not None:
+            found[:, rows] = _within(*repeats, 1.0 / scales[rows], multipliers[:, rows])
+            continue
+        if whitened is None:
+            whitened = scales[:, None] * assembly.whitened_along(qpos)
+        some, given = whitened[:, rows], multipliers[:, rows, None]
         # A basis of range(J): eigenvectors to the largest eigenvalues. The rank is known, so that squares do no harm.
         wide = len(rows) <= some.shape[2]
         square = some @ some.transpose(0, 2, 1) if wide else some.transpose(0, 2, 1) @ some
         largest = np.linalg.eigh(square)[1][:, :, square.shape[1] - group.rank :]
         basis = np.linalg.qr((largest if wide else some @ largest) / scales[rows, None])[0]
-        given = multipliers[:, rows, None]
         found[:, rows] = (given - basis @ (basis.transpose(0, 2, 1) @ given))[..., 0]
+    return found
+
+
+def _repeats(stack: np.ndarray, folded: Folded, rank: int) -> tuple[np.ndarray, np.ndarray] | None:
+    """Class of every row of (T, n, nv), (n), and what it is of the first row of that, (T, n).
+
+    None where rows depend on one another otherwise too, or are proportional or zero at some poses only.
+    """
+    if len(folded.rows) > rank or (folded.owner < 0).any():
+        return None
+    if folded.alone.all():
+        return folded.owner, np.ones(stack.shape[:2])
+    first = np.unique(folded.owner, return_index=True)[1]
+    again = np.flatnonzero(~folded.alone)
+    rows, ones = stack[:, again], stack[:, first[folded.owner[again]]]
+    squares = np.einsum("tij,tij->ti", ones, ones)
+    own = np.einsum("tij,tij->ti", rows, ones) / np.where(squares > 0.0, squares, 1.0)
+    rows -= own[..., None] * ones
+    if (np.einsum("tij,tij->ti", rows, rows) > np.square(ALIKE) * np.square(own) * squares).any():
+        return None
+    part = np.ones(stack.shape[:2])
+    part[:, again] = own
+    return folded.owner, part
+
+
+def _within(owner: np.ndarray, part: np.ndarray, factors: np.ndarray, given: np.ndarray) -> np.ndarray:
+    """The part of multipliers (T, n) with which proportional rows, times factors (n), cancel one another."""
+    own, count = factors * part, int(owner.max(initial=-1)) + 1
+    sums = np.zeros((2, len(given), count))
+    for row, of in enumerate(owner.tolist()):
+        sums[0, :, of] += own[:, row] * given[:, row]
+        sums[1, :, of] += np.square(own[:, row])
+    along = sums[0] / np.where(sums[1] > 0.0, sums[1], 1.0)
+    found = given - along[:, owner] * own
+    found[:, np.bincount(owner, minlength=count)[owner] == 1] = 0.0
     return found
 
 

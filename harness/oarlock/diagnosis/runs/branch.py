@@ -111,7 +111,7 @@ def _reversals(linkage: Linkage, qpos: np.ndarray, times: np.ndarray) -> list[fl
     before: tuple[np.ndarray, float] | None = None
     for place in np.flatnonzero(lengths > 0.0).tolist():
         move = moves[place] / lengths[place]
-        along = float(linkage.orientation(qpos[chosen[place]]) @ move)
+        along = linkage.along(qpos[chosen[place]], move)
         if abs(along) < ALONG:  # at a singular pose, or one that is open beside it: the rows do not tell
             continue
         if before is not None and before[1] * along < 0.0 and before[0] @ move > 0.0:

@@ -44,6 +44,9 @@ CAUSES = ("compliance", "curvature", "solver", "start", "stepping")
 INSTANTS = 100
 """So many instants of a run at most are looked at for accelerations: each takes a projection."""
 
+FEWEST, WORK = 24, 2_000_000
+"""Of many rows they are fewer: so many numbers of J in all, but no fewer instants than that."""
+
 HOLDS = 1e-7
 """Relative. A defect beyond it means that MuJoCo did not compute its rows by this law, as under the discrete
 integrator; rounding leaves 1e-13."""
@@ -221,23 +224,28 @@ def step_maps(spring: np.ndarray, damping: np.ndarray, timestep_s: float) -> tup
         Φ (…, 2, 2), γ₀ and γ₁ (…, 2): (r, h ṙ) goes to Φ (r, h ṙ) + γ₀ h²u + γ₁ h²Δu for a u that grows by Δu within
         the step, linearly.
     """
-    matrix = np.zeros((*np.shape(spring), 4, 4))
-    matrix[..., 0, 1] = 1.0
-    matrix[..., 1, 0] = -np.square(timestep_s) * spring
-    matrix[..., 1, 1] = -timestep_s * damping
-    matrix[..., 1, 2] = 1.0
-    matrix[..., 2, 3] = 1.0
-    size = float(np.abs(matrix).sum(axis=-1).max(initial=1.0))
+    # Rows 0 and 1 of the powers of (0 1 0 0 / −h²k −hB 1 0 / 0 0 0 1 / 0 0 0 0), of which the rest is known.
+    pull, brake = -np.square(timestep_s) * np.asarray(spring), -timestep_s * np.asarray(damping)
+    size = float(np.maximum(np.abs(pull) + np.abs(brake) + 1.0, 1.0).max(initial=1.0))
     halvings = max(0, int(np.ceil(np.log2(size / _EXPONENT)))) if np.isfinite(size) else 0
-    matrix /= 2.0**halvings
-    whole = np.broadcast_to(np.eye(4), matrix.shape).copy()
-    term = whole.copy()
+    scale = 0.5**halvings
+    term = np.zeros((4, 2, *np.shape(spring)))  # columns, rows
+    term[0, 0] = term[1, 1] = 1.0
+    whole = term.copy()
     for order in range(1, 13):
-        term = term @ matrix / order
+        factor = scale / order
+        term = np.stack([pull * term[1], term[0] + brake * term[1], term[1], term[2]])
+        term *= factor
         whole += term
     for _ in range(halvings):
-        whole = whole @ whole
-    return whole[..., :2, :2], whole[..., :2, 2], whole[..., :2, 3]
+        # The lower rows are (0 0 1 s / 0 0 0 1) with what the step is by now, s.
+        upper = whole[0][:, None] * whole[:, 0][None] + whole[1][:, None] * whole[:, 1][None]
+        upper = upper.swapaxes(0, 1)
+        upper[2] += whole[2]
+        upper[3] += scale * whole[2] + whole[3]
+        whole, scale = upper, 2.0 * scale
+    at_end = np.moveaxis(whole, (0, 1), (-1, -2))
+    return at_end[..., :2], at_end[..., 2], at_end[..., 3]
 
 
 def _propagate(recording: Recording, inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -331,8 +339,11 @@ def _shares(recording: Recording, position: np.ndarray, work: np.ndarray) -> lis
 def _accelerations(attribution: Attribution, instants: np.ndarray | None) -> Accelerations:
     recording = attribution.recording
     if instants is None:
-        spaced = np.linspace(0, recording.steps - 1, min(INSTANTS, recording.steps)).astype(int)
-        worst = [round(share.time_s / recording.timestep_s) for share in attribution.shares]
+        size = max(1, recording.layout.rows * recording.model.nv)
+        most = min(INSTANTS, max(FEWEST, WORK // size), recording.steps)
+        spaced = np.linspace(0, recording.steps - 1, most).astype(int)
+        furthest = sorted(attribution.shares, key=lambda share: -abs(share.worst))[:most]
+        worst = [round(share.time_s / recording.timestep_s) for share in furthest]
         instants = np.unique([*spaced, *(min(step, recording.steps - 1) for step in worst)])
     ranks = ranks_at(recording, instants)
     data = mujoco.MjData(recording.model)

@@ -5,9 +5,7 @@
 //! spans are exact at every step, so that what is computed depends on the step alone.
 
 use crate::linalg::kernels::{axpy, by_size, combined_fixed, dot, products_fixed, widest};
-
-/// Up to this length rows are taken whole: looking for zeros costs more than they do.
-const SHORT: usize = 8;
+use crate::linalg::rows::SHORT;
 
 /// An envelope is narrow when this many of it fit into the square of A: from there on it is faster than dense blocks.
 const NARROW: usize = 6;

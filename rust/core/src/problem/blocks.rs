@@ -22,6 +22,9 @@ pub const DRIFT: f64 = 100.0;
 /// rows that contradict one another stay open, and count all the same.
 const AT_START: f64 = 1e-6;
 
+/// Rows that stand open by no more explain an eigenvalue of 1e-16 at most, which is rounding: whose they are does not matter.
+const CLOSED: f64 = 1e-10;
+
 /// Blocks of rows of one system, and their ranks.
 #[derive(Debug, Clone, Default)]
 pub struct Blocks {
@@ -73,7 +76,10 @@ impl Blocks {
         self.risen = false;
         self.gaps.clear();
         self.gaps.resize(self.ends.len(), 0.0);
-        if self.holding {
+        let most = gaps.iter().fold(0.0, |most, &gap| if gap <= most { most } else { gap });
+        if self.holding && (most <= CLOSED || self.len() == 1) {
+            self.gaps.fill(most);
+        } else if self.holding {
             for (&gap, block) in gaps.iter().zip(&self.unfolded) {
                 if let Some(block) = *block {
                     // A NaN explains everything.
@@ -87,6 +93,11 @@ impl Blocks {
     pub(crate) fn invalidate(&mut self) {
         self.pattern.clear();
         self.owners.clear();
+    }
+
+    /// Whether blocks were found of rows that touch some of `nv` velocities, and nobody asked for new ones.
+    pub(crate) fn are_found(&self, nv: usize) -> bool {
+        self.owners.len() == nv
     }
 
     /// Returns the number of blocks.
@@ -143,6 +154,12 @@ impl Blocks {
         self.holding && self.held[block].is_some()
     }
 
+    /// Returns the rank that a block holds, if ranks are held and its own is decided.
+    #[must_use]
+    pub fn held_rank(&self, block: usize) -> Option<usize> {
+        if self.holding { self.held[block] } else { None }
+    }
+
     /// Whether a block is to hold less than a rank, or nobody has decided how much.
     pub(crate) fn holds_less(&self, block: usize, rank: usize) -> bool {
         self.holding && self.held[block].is_none_or(|held| held < rank)
@@ -159,6 +176,12 @@ impl Blocks {
     pub fn explained(&self, block: usize, rank_cut: f64) -> f64 {
         let explained = self.gaps.get(block).map_or(0.0, |gap| (DRIFT * gap).powi(2));
         if explained.is_nan() { f64::INFINITY } else { rank_cut.max(explained) }
+    }
+
+    /// Returns how far the rows stand open at most, relative to the lengths that they turn on; 0 where that is not known.
+    #[must_use]
+    pub fn widest_gap(&self) -> f64 {
+        self.gaps.iter().fold(0.0, |most, &gap| if gap <= most { most } else { gap })
     }
 
     /// Returns the least and the most of that over all blocks.
@@ -217,6 +240,13 @@ impl Blocks {
         rank
     }
 
+    /// Holds a rank that nobody has decided and that was found without eigenvalues.
+    pub(crate) fn hold_rank(&mut self, block: usize, rank: usize) {
+        if self.holding && self.held[block].is_none() {
+            self.held[block] = Some(rank);
+        }
+    }
+
     /// The rank that [`decide`](Self::decide) would decide, without holding it.
     #[must_use]
     pub fn rank(&self, block: usize, values: &[f64], rank_cut: f64, most: f64) -> usize {
@@ -265,18 +295,31 @@ impl Blocks {
     /// Finds the blocks of the columns of W (`nv` entries each); two of them meet where both touch a velocity.
     /// `classes` gives the column of every row before folding. What was held stays with its rows.
     pub(crate) fn find(&mut self, columns: &[f64], nv: usize, classes: impl Iterator<Item = Option<usize>>) {
-        let n = columns.len() / nv.max(1);
+        let rows = columns.chunks_exact(nv.max(1)).map(|column| {
+            column.iter().enumerate().filter(|(_, entry)| **entry != 0.0).map(|(velocity, _)| velocity)
+        });
+        self.find_touched(rows, nv, classes);
+        self.pattern.extend(columns.iter().map(|&entry| entry != 0.0));
+    }
+
+    /// The same of rows of W that touch these of `nv` velocities.
+    pub(crate) fn find_touched(
+        &mut self,
+        rows: impl Iterator<Item = impl IntoIterator<Item = usize>>,
+        nv: usize,
+        classes: impl Iterator<Item = Option<usize>>,
+    ) {
         self.parents.clear();
-        self.parents.extend(0..n);
         self.touching.clear();
         self.touching.resize(nv, None);
-        for (row, column) in columns.chunks_exact(nv.max(1)).enumerate() {
-            for (first, _) in self.touching.iter_mut().zip(column).filter(|(_, entry)| **entry != 0.0) {
-                join(&mut self.parents, row, *first.get_or_insert(row));
+        for (row, touched) in rows.enumerate() {
+            self.parents.push(row);
+            for velocity in touched {
+                let first = *self.touching[velocity].get_or_insert(row);
+                join(&mut self.parents, row, first);
             }
         }
         self.pattern.clear();
-        self.pattern.extend(columns.iter().map(|&entry| entry != 0.0));
         self.take(classes);
         // A root has become the number of its block.
         self.owners.clear();

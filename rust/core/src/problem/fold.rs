@@ -12,12 +12,20 @@
 //!
 //! The factors t are fitted anew every step; only which rows belong together is planned once.
 
-use crate::linalg::kernels::{axpy, dot, largest, norm};
+use crate::linalg::kernels::largest;
+use crate::linalg::rows::SparseRows;
 
 /// Relative tolerance of folding. A row counts as proportional to another if it differs from its multiple by at most this
 /// part of its length, and as zero if none of its entries exceeds this part of the largest one. Rows that are the same in exact
 /// arithmetic differ by a few rounding errors of the anchors' coordinates; 1e-12 leaves room for long kinematic chains.
 pub const FOLD_TOLERANCE: f64 = 1e-12;
+
+/// The same for rows that were proportional in a step before: along a chain of a hundred metres the anchors' coordinates round by as
+/// much more. Rows that differ by it have an eigenvalue of its square, 1e-20, which no rank cut tells from none.
+const HELD_TOLERANCE: f64 = 1e-10;
+
+/// Part of a row's largest entry from which an entry of a proportional one is looked for.
+const LARGE: f64 = 0.5;
 
 /// Which class a row belongs to, and its share there.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,19 +66,34 @@ impl Fold {
     /// Finds the classes of n rows of `width` entries, which `rows` holds one after another.
     #[must_use]
     pub fn find(rows: &[f64], width: usize) -> Self {
+        Self::find_in(&SparseRows::of(rows, width))
+    }
+
+    /// The same of sparse rows. A row is compared with those that are large where it is largest.
+    pub(crate) fn find_in(rows: &SparseRows) -> Self {
         let mut fold = Self::default();
-        let floor = FOLD_TOLERANCE * largest(rows);
-        for (index, row) in rows.chunks_exact(width).enumerate() {
-            if largest(row) <= floor {
+        let floor = FOLD_TOLERANCE * rows.most();
+        let mut by_column: Vec<Vec<usize>> = vec![Vec::new(); rows.width()];
+        for index in 0..rows.len() {
+            let row = rows.row(index);
+            let size = largest(row.1);
+            if size <= floor {
                 fold.members.push(None);
                 continue;
             }
-            let found = fold.representatives.iter().enumerate().find_map(|(class, &representative)| {
-                fit(row, row_of(rows, width, representative)).map(|factor| Member::new(class, factor))
+            let most = row.0.iter().zip(row.1).find(|(_, value)| value.abs() >= size);
+            let near = most.map_or(&[][..], |(&column, _)| &by_column[column]);
+            let found = near.iter().find_map(|&class| {
+                fit(row, rows.row(fold.representatives[class]), FOLD_TOLERANCE)
+                    .map(|factor| Member::new(class, factor))
             });
             fold.members.push(Some(found.unwrap_or_else(|| {
+                let class = fold.representatives.len();
+                for (&column, _) in row.0.iter().zip(row.1).filter(|(_, value)| value.abs() >= LARGE * size) {
+                    by_column[column].push(class);
+                }
                 fold.representatives.push(index);
-                Member::new(fold.representatives.len() - 1, 1.0)
+                Member::new(class, 1.0)
             })));
         }
         fold.rescale();
@@ -79,49 +102,41 @@ impl Fold {
 
     /// Fits the factors to the rows of another step; returns whether the classes still hold.
     pub fn refit(&mut self, rows: &[f64], width: usize) -> bool {
-        self.refit_within(rows, width, |_| (0, width))
+        self.members.len() * width == rows.len() && self.refit_in(&SparseRows::of(rows, width))
     }
 
-    /// The same, of rows that are zero outside of a span each, from its first entry to one past its last.
-    pub(crate) fn refit_within(
-        &mut self,
-        rows: &[f64],
-        width: usize,
-        span: impl Fn(usize) -> (usize, usize),
-    ) -> bool {
-        if self.members.len() * width != rows.len() {
+    /// The same of sparse rows.
+    pub(crate) fn refit_in(&mut self, rows: &SparseRows) -> bool {
+        if self.members.len() != rows.len() {
             return false;
         }
         if self.is_identity() {
             return true;
         }
-        let (mut all, mut vanished, mut standing) = (0.0_f64, 0.0_f64, f64::INFINITY);
+        let all = rows.most();
+        let (floor, gone) = (FOLD_TOLERANCE * all, HELD_TOLERANCE * all);
+        let mut moved = false;
         for (index, member) in self.members.iter_mut().enumerate() {
-            let (first, end) = span(index);
-            let row = row_of(rows, width, index);
-            let size = largest(&row[first..end]);
-            all = all.max(size);
+            let row = rows.row(index);
             let Some(member) = member else {
-                vanished = vanished.max(size);
+                if row.1.iter().any(|entry| entry.abs() > gone) {
+                    return false;
+                }
                 continue;
             };
             let representative = self.representatives[member.class];
             if representative == index {
-                standing = standing.min(size);
+                if !row.1.iter().any(|entry| entry.abs() > floor) {
+                    return false;
+                }
                 continue;
             }
-            let (other, until) = span(representative);
-            let both = first.min(other)..end.max(until);
-            match fit(&row[both.clone()], &row_of(rows, width, representative)[both]) {
-                Some(factor) => member.factor = factor,
-                None => return false,
-            }
+            let Some(factor) = fit(row, rows.row(representative), HELD_TOLERANCE) else { return false };
+            moved |= std::mem::replace(&mut member.factor, factor).to_bits() != factor.to_bits();
         }
-        let floor = FOLD_TOLERANCE * all;
-        if vanished > floor || standing <= floor {
-            return false;
+        if moved {
+            self.rescale();
         }
-        self.rescale();
         true
     }
 
@@ -198,29 +213,45 @@ impl Fold {
     }
 }
 
-fn row_of(rows: &[f64], width: usize, index: usize) -> &[f64] {
-    &rows[index * width..(index + 1) * width]
-}
+/// Columns and entries of a row.
+type Row<'a> = (&'a [usize], &'a [f64]);
 
 /// t with row = t · representative, if there is one.
-fn fit(row: &[f64], representative: &[f64]) -> Option<f64> {
-    let square = dot(representative, representative);
+fn fit(row: Row<'_>, representative: Row<'_>, tolerance: f64) -> Option<f64> {
     if row == representative {
+        let square: f64 = row.1.iter().map(|entry| entry * entry).sum();
         return (square > 0.0 && square.is_finite()).then_some(1.0);
     }
-    let factor = dot(row, representative) / square;
-    let length = norm(row);
+    let (mut square, mut product, mut own) = (0.0, 0.0, 0.0);
+    together(row, representative, |a, b| {
+        square += b * b;
+        product += a * b;
+        own += a * a;
+    });
+    let (factor, length) = (product / square, f64::sqrt(own));
     // Cheap first: by Cauchy–Schwarz, proportional rows have |t| = ‖row‖ / ‖representative‖.
-    if (factor.abs() * square.sqrt() - length).abs() > FOLD_TOLERANCE * length {
+    if (factor.abs() * f64::sqrt(square) - length).abs() > tolerance * length {
         return None;
     }
-    let gap = row.iter().zip(representative).map(|(a, b)| (a - factor * b).powi(2)).sum::<f64>().sqrt();
+    let mut gap = 0.0;
+    together(row, representative, |a, b| gap += (a - factor * b).powi(2));
     // Lengths overflow beyond 1e154; rows of that size stay as they are.
-    (gap <= FOLD_TOLERANCE * length && length.is_finite()).then_some(factor)
+    (gap.sqrt() <= tolerance * length && length.is_finite()).then_some(factor)
 }
 
-/// Adds `scale` times a row to another; used to form the reduced rows.
-pub(crate) fn scaled_copy(row: &[f64], scale: f64, out: &mut [f64]) {
-    out.fill(0.0);
-    axpy(scale, row, out);
+/// Hands over the entries of two rows, column by column.
+#[inline]
+fn together(row: Row<'_>, other: Row<'_>, mut take: impl FnMut(f64, f64)) {
+    if row.0 == other.0 {
+        row.1.iter().zip(other.1).for_each(|(&a, &b)| take(a, b));
+        return;
+    }
+    let (mut i, mut j) = (0, 0);
+    while i < row.0.len() || j < other.0.len() {
+        let (a, b) =
+            (row.0.get(i).copied().unwrap_or(usize::MAX), other.0.get(j).copied().unwrap_or(usize::MAX));
+        take(if a <= b { row.1[i] } else { 0.0 }, if b <= a { other.1[j] } else { 0.0 });
+        i += usize::from(a <= b);
+        j += usize::from(b <= a);
+    }
 }

@@ -1,6 +1,57 @@
 //! The data that one time step hands to the solvers.
 
 use crate::error::{Error, check_finite, check_len};
+pub use crate::linalg::rows::JacobianView;
+pub use crate::linalg::tree::TreeView;
+
+/// A borrowed view of one step of a mechanism whose inertia lies along a kinematic tree, as MuJoCo keeps it: nothing in it is n×nv
+/// unless the caller has it so.
+#[derive(Debug, Clone, Copy)]
+pub struct SparseStep<'a> {
+    /// J.
+    pub jacobian: JacobianView<'a>,
+    /// M and its factor.
+    pub inertia: TreeView<'a>,
+    /// a₀ = M⁻¹ f (`nv`): the acceleration without constraints.
+    pub unconstrained: &'a [f64],
+    /// aref (`n`): the acceleration that the rows ask for.
+    pub aref: &'a [f64],
+    /// R (`n`, ≥ 0): softness, as in [`StepView`].
+    pub regularisation: Option<&'a [f64]>,
+}
+
+impl SparseStep<'_> {
+    /// Returns the numbers of constraint rows n and of velocities nv.
+    #[must_use]
+    pub const fn shape(&self) -> (usize, usize) {
+        (self.aref.len(), self.unconstrained.len())
+    }
+
+    /// Checks that the shapes fit and that every number is finite.
+    ///
+    /// # Errors
+    /// Those of [`StepView::check`], and [`Error::Pattern`].
+    pub fn check(&self) -> Result<(), Error> {
+        self.check_beside(false, false)
+    }
+
+    /// The same, where the patterns of J or M may be known already.
+    pub(crate) fn check_beside(&self, jacobian_known: bool, inertia_known: bool) -> Result<(), Error> {
+        let (n, nv) = self.shape();
+        check_rows(n, nv, None, self.aref, self.regularisation)?;
+        if !jacobian_known {
+            self.jacobian.check(n, nv)?;
+        }
+        if !inertia_known && !self.inertia.fits(nv) {
+            return Err(Error::Pattern { what: "mass" });
+        }
+        self.jacobian.check_finite(n, nv)?;
+        for (what, values) in self.inertia.numbers() {
+            check_finite(what, values)?;
+        }
+        check_finite("unconstrained", self.unconstrained)
+    }
+}
 
 /// A borrowed view of one step whose inertia the caller has factored, M⁻¹ = Hᵀ H. Matrices are dense and row-major.
 ///

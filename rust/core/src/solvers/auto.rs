@@ -1,8 +1,13 @@
-//! The default: the fastest accurate solver by the table of [`bench`](crate::bench), with the reference behind it.
+//! The default: the cheapest method for the structure of a step, with the reference behind it.
 //!
-//! That table says the same at every size from 6 to 192, with a third of the rows redundant: rank-revealing Cholesky. A step
-//! is solved again by [`pinv`](crate::solvers::pinv), and counted as a fallback, where the factor's own figures leave it open whether
-//! eigenvalues would say the same: which of them lie below the cut, or what they span; or where the residual is too large.
+//! | method | where |
+//! |---|---|
+//! | [`dual`](crate::solvers::dual), [`primal`](crate::solvers::primal) | sparse steps of more than six rows: whichever takes fewer multiplications, counted once for their patterns |
+//! | [`cholesky`](crate::solvers::cholesky) | the rest, and where a sparse factor does not prove the rank |
+//! | [`pinv`](crate::solvers::pinv) | where the figures of that leave open which eigenvalues lie below the cut, or what they span, or where the residual is too large |
+//!
+//! Each step to the next is counted as a fallback. Of dense systems from 6 to 192 rows, a third of them redundant, the
+//! table of [`bench`](crate::bench) says the same at every size: rank-revealing Cholesky.
 
 use crate::error::Error;
 use crate::info::Info;
@@ -13,6 +18,7 @@ use crate::solvers::cholesky::{Cholesky, CholeskyParams};
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::pinv::{Pinv, PinvParams};
 use crate::solvers::solver::{Solver, State};
+use crate::solvers::{dual, primal};
 
 /// Residual in the least-squares sense, relative to b, above which the fast solver is not believed: a direct solve of a
 /// system with a condition of up to 1e8 leaves 1e-8.
@@ -76,14 +82,64 @@ impl Params for AutoParams {
 pub struct Auto {
     rank_cut: f64,
     fast: Cholesky,
+    dual: dual::Factor,
+    primal: primal::Factor,
+    /// The cheapest for the patterns at hand.
+    method: Method,
+    chosen_for: Option<u64>,
     safe: Pinv,
+}
+
+/// Sizes up to this have dense code of their own, which nothing beats: its loops are unrolled.
+const SMALL: usize = 6;
+
+/// What a sparse step is solved by.
+#[derive(Clone, Copy, PartialEq)]
+enum Method {
+    Dense,
+    Dual,
+    Primal,
+}
+
+impl Auto {
+    /// The method that takes least work by the patterns of a step.
+    fn choose(&mut self, problem: &Problem<'_>) -> Method {
+        let Some(sparse) = problem.sparse.filter(|sparse| sparse.plan.is_some()) else {
+            return Method::Dense;
+        };
+        if self.chosen_for != sparse.plan {
+            let n = problem.len();
+            let dense = n * n * (n + problem.work.len());
+            self.chosen_for = sparse.plan;
+            self.method = Method::Dense;
+            if n > SMALL {
+                let primal = self.primal.work(sparse);
+                let dual = self.dual.work_up_to(sparse, primal);
+                self.method = match () {
+                    () if dense < primal.min(dual.unwrap_or(primal)) => Method::Dense,
+                    () if dual.is_some() => Method::Dual,
+                    () => Method::Primal,
+                };
+            }
+        }
+        self.method
+    }
+
+    /// By a sparse method, where there is one and its evidence holds.
+    fn solve_sparse(&mut self, method: Method, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
+        match method {
+            Method::Dense => None,
+            Method::Dual => self.dual.solve(problem, x).or_else(|| self.primal.solve(problem, x)),
+            Method::Primal => self.primal.solve(problem, x),
+        }
+    }
 }
 
 impl Solver for Auto {
     type Params = AutoParams;
     const SUMMARY: &'static str =
         "the default: the fastest right solver for the size, the reference where it fails";
-    const NEEDS: Needs = Needs::Dense;
+    const NEEDS: Needs = Needs::Sparse;
     const DIRECT: bool = true;
 
     fn rank_cut(&self) -> Option<f64> {
@@ -95,11 +151,20 @@ impl Solver for Auto {
         Self {
             rank_cut,
             fast: Cholesky::new(CholeskyParams { rank_cut }),
+            dual: dual::Factor::new(rank_cut),
+            primal: primal::Factor::new(rank_cut),
+            method: Method::Dense,
+            chosen_for: None,
             safe: Pinv::new(PinvParams { rank_cut }),
         }
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        let method = self.choose(problem);
+        if let Some(info) = self.solve_sparse(method, problem, x) {
+            return Ok(info);
+        }
+        let fallbacks = usize::from(method != Method::Dense);
         // A rank that is to be held is decided by eigenvalues.
         if problem.blocks().is_undecided() {
             return self.safe.solve(problem, x);
@@ -107,12 +172,13 @@ impl Solver for Auto {
         let info = self.fast.solve(problem, x)?;
         let found = self.fast.found();
         if is_certain(found, problem, self.rank_cut) && info.residual_rel <= BELIEVED {
-            return Ok(Info { margin: Some(margin(found, problem, self.rank_cut)), ..info });
+            return Ok(Info { margin: Some(margin(found, problem, self.rank_cut)), fallbacks, ..info });
         }
-        self.safe.solve(problem, x).map(|info| Info { fallbacks: 1, ..info })
+        self.safe.solve(problem, x).map(|info| Info { fallbacks: 1 + fallbacks, ..info })
     }
 
     fn reset(&mut self) {
+        self.primal.forget();
         self.fast.reset();
         self.safe.reset();
     }

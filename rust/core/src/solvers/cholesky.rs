@@ -456,7 +456,7 @@ impl Solver for Cholesky {
         let asked = Asked { rank_cut, ceiling, wanted: problem.wanted };
         let (matrix, rhs) = (&*problem.dense, problem.rhs());
         let narrow = problem
-            .envelope
+            .envelope()
             .filter(|_| ceiling == n)
             .and_then(|first| self.run_narrow(first, matrix, rhs, x));
         let found = match narrow {

@@ -162,7 +162,8 @@ impl SymmetricEigen {
             let (matrix, blocks) = problem.matrix_and_blocks();
             return self.decompose(matrix, rank_cut, blocks);
         }
-        let source = Source::Columns(problem.whitened, nv, problem.softness);
+        problem.whiten();
+        let source = Source::Columns(problem.whitened.columns.as_slice(), nv, problem.softness);
         self.decompose_source(source, rank_cut, problem.blocks)
     }
 

@@ -93,12 +93,16 @@ impl ConstrainedSystem {
         check_len("multipliers", multipliers.len(), &[self.len()])?;
         check_len("qfrc", qfrc.len(), &[self.nv()])?;
         check_len("qacc", qacc.len(), &[self.nv()])?;
-        if self.mass_factor.is_empty() && self.nv() > 0 {
+        if self.mass_factor.is_empty() && !self.planning.on_tree && self.nv() > 0 {
             return Err(Error::Factored);
         }
         self.force(multipliers, qfrc)?;
-        self.mass_factor.solve_lower_triangular_mut(&mut self.work);
-        self.mass_factor.tr_solve_lower_triangular_mut(&mut self.work);
+        if self.planning.on_tree {
+            self.tree.solve(self.work.as_mut_slice());
+        } else {
+            self.mass_factor.solve_lower_triangular_mut(&mut self.work);
+            self.mass_factor.tr_solve_lower_triangular_mut(&mut self.work);
+        }
         self.work += &self.unconstrained;
         qacc.copy_from_slice(self.work.as_slice());
         check_finite("qacc", qacc)
@@ -111,7 +115,7 @@ impl ConstrainedSystem {
     pub fn force(&mut self, multipliers: &[f64], qfrc: &mut [f64]) -> Result<(), Error> {
         check_len("multipliers", multipliers.len(), &[self.len()])?;
         check_len("qfrc", qfrc.len(), &[self.nv()])?;
-        self.spans.combine(self.jacobian_t.as_slice(), multipliers, self.work.as_mut_slice());
+        self.rows.combine(multipliers, self.work.as_mut_slice());
         qfrc.copy_from_slice(self.work.as_slice());
         check_finite("qfrc", qfrc)
     }

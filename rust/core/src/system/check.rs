@@ -52,7 +52,8 @@ impl ConstrainedSystem {
             *gap = scale * *gap - reference;
         }
         let allowed = CERTAIN.max(ALLOWED * info.tolerance);
-        let problem = self.problem(Wanted::Multipliers);
+        let mut problem = self.problem(Wanted::Multipliers);
+        problem.whiten();
         let blocks = || (0..problem.blocks.len()).map(|block| problem.blocks.of(block));
         let Judges { all, work, scales, gap } = &mut judges;
         let reference = &all[at].reduced;

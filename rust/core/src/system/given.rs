@@ -51,6 +51,7 @@ impl ConstrainedSystem {
             }
         }
         self.rhs.copy_from_slice(rhs);
+        self.planning.leave_tree();
         self.refold(true);
         // Tᵀ A T, not the representatives' entries: those of a small row are rounding next to its large ones.
         self.dense.fill(0.0);

@@ -11,7 +11,7 @@ impl ConstrainedSystem {
     pub(crate) fn parts(&self) -> Parts<'_> {
         Parts {
             nv: self.nv(),
-            whitened: self.whitened.as_slice(),
+            whitened: self.whitened.columns.as_slice(),
             softness: self.softness.as_deref(),
             rhs: self.reduced_rhs.as_slice(),
             blocks: &self.blocks,
@@ -24,6 +24,10 @@ impl ConstrainedSystem {
     /// # Errors
     /// [`Error::Factored`] where the inertia is somebody else's.
     pub(crate) fn whiten(&self, rows: &mut [f64]) -> Result<(), Error> {
+        if self.planning.on_tree {
+            rows.chunks_exact_mut(self.nv()).for_each(|row| self.tree.whiten(row));
+            return Ok(());
+        }
         if self.mass_factor.is_empty() {
             return Err(Error::Factored);
         }

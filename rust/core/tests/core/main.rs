@@ -17,6 +17,7 @@ mod pinv;
 mod pinv_tracked;
 mod sequences;
 mod singular;
+mod sparse;
 mod sr1;
 mod sr1_carried;
 mod support;

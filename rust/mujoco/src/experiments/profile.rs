@@ -148,12 +148,7 @@ impl ForceLaw for ClockedForce {
             ));
         }
         watch.lap(Part::Rows);
-        state.ask_by(data, Form::Hard, system, |data, whitened, rows, roots| {
-            watch.lap(Part::Question);
-            let done = data.whiten(whitened, rows, roots);
-            watch.lap(Part::Whitening);
-            done
-        })?;
+        state.ask_equalities(data, Form::Hard, system)?;
         watch.lap(Part::Question);
         if solver.needs() == Needs::Dense {
             system.form_matrix();

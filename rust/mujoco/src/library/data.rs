@@ -32,7 +32,7 @@ enum Stage {
 pub struct Data {
     model: Arc<Model>,
     raw: NonNull<c_void>,
-    view: DataView,
+    pub(super) view: DataView,
     pub(super) rows: RowsView,
     /// Whether the position stage is that of the present positions.
     placed: bool,

@@ -1,9 +1,12 @@
-//! Rows of J as a dense matrix of one's own.
+//! Rows of J as MuJoCo keeps them, beside M and its factor, and as a dense matrix of one's own.
 
 use std::ffi::c_int;
 use std::ops::Range;
 
+use oarlock_core::{JacobianView, TreeView};
+
 use super::{Data, array, size};
+use crate::vectors::times;
 
 /// Rows of J (`n×nv`, row-major) as they were last read.
 #[derive(Debug, Default)]
@@ -67,5 +70,61 @@ impl Jacobian {
     #[must_use]
     pub fn entries(&self) -> &[f64] {
         &self.entries
+    }
+}
+
+impl Data {
+    /// The equality rows of J (ne), as MuJoCo keeps them, at a state whose position stage is done.
+    #[must_use]
+    pub fn jacobian(&self) -> JacobianView<'_> {
+        let (ne, nv) = (self.ne(), self.model().nv());
+        if !self.model().is_sparse() {
+            // SAFETY: nefc rows of nv entries, after constraints were made.
+            return JacobianView::Dense(unsafe { array(self.rows.jacobian, ne * nv) });
+        }
+        let count = size(self.rows.njacobian);
+        // SAFETY: rows of nefc, columns and entries of nJ.
+        unsafe {
+            JacobianView::Compressed {
+                lengths: array(self.rows.rownnz, ne),
+                starts: array(self.rows.rowadr, ne),
+                columns: array(self.rows.colind, count),
+                values: array(self.rows.jacobian, count),
+            }
+        }
+    }
+
+    /// M and its factor, at a state whose position stage is done.
+    #[must_use]
+    pub fn inertia(&self) -> TreeView<'_> {
+        let (nv, view) = (self.model().nv(), &self.model().view);
+        // SAFETY: the model's arrays of nv; those of nC end with the last row.
+        unsafe {
+            let (lengths, starts) = (array(view.mass_lengths, nv), array(view.mass_starts, nv));
+            let end =
+                lengths.last().zip(starts.last()).map_or(0, |(&count, &start)| size((count + start).into()));
+            TreeView {
+                lengths,
+                starts,
+                columns: array(view.mass_columns, end),
+                mass: array(self.view.mass, end),
+                factor: array(self.view.mass_factor, end),
+                inverse_diagonal: self.inverse_diagonal(),
+            }
+        }
+    }
+
+    /// `product` (ne) = J `vector` (nv) of the equality rows.
+    pub fn jacobian_times(&self, vector: &[f64], product: &mut [f64]) {
+        match self.jacobian() {
+            JacobianView::Dense(entries) => times(entries, vector, product),
+            rows @ JacobianView::Compressed { .. } => {
+                for (row, entry) in product.iter_mut().enumerate() {
+                    let mut sum = -0.0;
+                    rows.each(row, vector.len(), |column, value| sum += value * vector[column]);
+                    *entry = sum;
+                }
+            }
+        }
     }
 }

@@ -6,6 +6,7 @@
 pub mod change;
 pub mod contacts;
 pub mod trace;
+pub mod tree;
 
 use std::iter::repeat_n;
 

@@ -1,0 +1,60 @@
+//! W = H Jrᵀ of the rows that folding left, dense: made for those solvers that work with it.
+
+use nalgebra::DMatrix;
+
+use super::fold::Fold;
+use crate::linalg::rows::SparseRows;
+use crate::linalg::spans::{Envelope, Spans};
+use crate::linalg::tree::Tree;
+
+/// The columns of W and where their entries lie, and those of A.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Whitened {
+    /// `nv×nr`.
+    pub(crate) columns: DMatrix<f64>,
+    pub(crate) spans: Spans,
+    /// Of A.
+    pub(crate) envelope: Envelope,
+    /// Whether it is that of the step at hand.
+    pub(crate) made: bool,
+}
+
+/// What a step is made of, as far as it is sparse.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Sparse<'a> {
+    /// J of all rows.
+    pub(crate) rows: &'a SparseRows,
+    pub(crate) fold: &'a Fold,
+    pub(crate) tree: &'a Tree,
+    /// A number that no other patterns of J, M and fold have; none where numbers are too large or too small to be squared.
+    pub(crate) plan: Option<u64>,
+}
+
+impl Whitened {
+    /// Makes it from the rows and the factor of M; tells whether entries of A lie elsewhere than before.
+    pub(crate) fn make(&mut self, given: Sparse<'_>) -> bool {
+        let (nv, Sparse { rows, fold, tree, .. }) = (self.columns.nrows(), given);
+        let columns = self.columns.as_mut_slice().chunks_exact_mut(nv.max(1));
+        for (column, (representative, scale)) in columns.zip(fold.classes()) {
+            rows.scatter(representative, 1.0, &mut *column);
+            tree.whiten(column);
+            for entry in column {
+                *entry *= scale;
+            }
+        }
+        self.locate()
+    }
+
+    /// Finds where its entries lie; tells whether those of A lie elsewhere than before.
+    pub(crate) fn locate(&mut self) -> bool {
+        let (nv, reduced) = self.columns.shape();
+        let columns = self.columns.as_slice();
+        let known = self.spans.hold(columns, reduced);
+        self.made = true;
+        let moved = self.spans.update(columns, nv, known);
+        if moved {
+            self.envelope.find(&self.spans, reduced);
+        }
+        moved
+    }
+}

@@ -1,0 +1,436 @@
+//! The sparse direct solver: one factor of `JᵀJ − τM` gives the rank and, refined, the multipliers of least norm.
+//!
+//! ```text
+//!     P = JᵀJ − τM = L D Lᵀ      nv×nv, sparse as J and M together are
+//! ```
+//!
+//! **The rank.** `JᵀJ x = σ M x` has the positive eigenvalues of A, and nv − r zeros. So P has as many positive pivots as A has
+//! eigenvalues above τ (Sylvester). Where that is the rank that is held, or all rows, or what a second, much smaller τ says
+//! as well, no eigenvalue lies near the cut.
+//!
+//! **The multipliers.** With the acceleration δ that the rows add, and the smallest eigenvalue σ that counts,
+//!
+//! ```text
+//!     δ ← δ + P⁻¹ (Jᵀ (b − J δ) − τ (Jᵀ x − M δ))        J δ = b, as far as it can be, and M δ in range(Jᵀ)
+//!     x ← x + J P⁻¹ (M δ − Jᵀ x)                         Jᵀ x = M δ, and x in range(J)
+//! ```
+//!
+//! lose a part of τ/(σ − τ) of the error a step, some seven digits. x in range(J) is of least norm, and Jᵀ leaves out what of b no x can
+//! reach. Rows that stand open have a little of what is redundant in their range: there b is filtered first. A is never formed.
+//!
+//! P is the matrix of MuJoCo's own primal solver, M + Jᵀ D J, with the other sign of M. The augmented Lagrangian of Hestenes and Powell
+//! (1969) has `M + JᵀJ/ε`; its sign says nothing of the rank. Redundancy that no folding takes away, which makes A singular,
+//! costs nothing here, and neither does a deep tree, which makes A dense.
+
+mod plan;
+
+use self::plan::Plan;
+use crate::error::{Error, check_len};
+use crate::info::Info;
+use crate::linalg::kernels::norm;
+use crate::params::{Params, Reader};
+use crate::problem::whitened::Sparse;
+use crate::problem::{Needs, Problem};
+use crate::solvers::cholesky::{Cholesky, CholeskyParams};
+use crate::solvers::eigen::RANK_CUT;
+use crate::solvers::solver::{Solver, State};
+
+/// τ is this many times the cut: the largest eigenvalue is found to a factor of three, from below, and a pivot's sign is
+/// certain beyond rounding.
+const CLEAR: f64 = 32.0;
+
+/// Solves after which the largest eigenvalues are found anew.
+const AGE: usize = 32;
+
+/// Least τ as a part of the largest eigenvalue: M is lost to rounding in P beyond 1e-16 of this.
+const LEAST: f64 = 1e-12;
+
+/// Residual ‖b − A x‖/‖b‖ at which x is as good as rounding allows.
+const CLOSED: f64 = 1e-13;
+
+/// Difference between Jᵀ x and M δ, relative to them, at which they are the same but for rounding.
+const BALANCED: f64 = 1e-11;
+
+/// Rows that stand open by no more, relative to what they turn on, give redundant rows eigenvalues of 1e-20, which do no harm.
+const CLOSED_ROWS: f64 = 1e-10;
+
+/// Size of a correction, relative to the first, that the next one is expected to have when no more are made.
+const REFINED: f64 = 1e-13;
+
+/// Of rows that contradict one another or are badly conditioned corrections may stop getting smaller at this size.
+const ROUNDING: f64 = 1e-10;
+
+/// A correction that is no smaller than this part of the one before says that τ is not small beside what counts.
+const SLOW: f64 = 0.25;
+
+/// One that is no smaller than this part is worth a factor with a smaller τ, whose rounding loses four digits of M.
+const SLUGGISH: f64 = 5e-3;
+
+/// Part of τ that it has.
+const SMALLER: f64 = 1e-3;
+
+/// Corrections that are made at most.
+const STEPS: usize = 8;
+
+/// Parameters of [`Primal`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrimalParams {
+    /// Eigenvalues below this part of the largest count as zero; in [0, 1). See [`RANK_CUT`].
+    pub rank_cut: f64,
+}
+
+impl Params for PrimalParams {
+    const SOLVER: &'static str = "primal";
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
+        Ok(Self { rank_cut: reader.fraction("rank_cut", RANK_CUT)? })
+    }
+}
+
+/// The factor and its workspace; nothing is carried from step to step but patterns.
+#[derive(Clone)]
+pub(crate) struct Factor {
+    rank_cut: f64,
+    plan: Plan,
+    /// By island: the rank that is expected, that of the factor, and the largest eigenvalue as it was last found.
+    expected: Vec<usize>,
+    positive: Vec<usize>,
+    scales: Vec<f64>,
+    sums: Vec<(f64, f64)>,
+    /// The patterns that they were found for, and solves since then.
+    scaled_for: Option<u64>,
+    age: usize,
+    /// τ of each velocity, and as a part of the largest eigenvalue.
+    shifts: Vec<f64>,
+    part: f64,
+    /// Of rows: b without what no x can reach, what is left of it, and J times something.
+    target: Vec<f64>,
+    residual: Vec<f64>,
+    image: Vec<f64>,
+    once: Vec<f64>,
+    /// Of velocities.
+    force: Vec<f64>,
+    motion: Vec<f64>,
+    /// δ, M δ and Jᵀ x.
+    acceleration: Vec<f64>,
+    push: Vec<f64>,
+    pull: Vec<f64>,
+}
+
+impl Factor {
+    pub(crate) fn new(rank_cut: f64) -> Self {
+        let none = Vec::new;
+        Self {
+            rank_cut,
+            plan: Plan::default(),
+            expected: Vec::new(),
+            positive: Vec::new(),
+            scales: none(),
+            sums: Vec::new(),
+            scaled_for: None,
+            age: 0,
+            shifts: none(),
+            part: 0.0,
+            target: none(),
+            residual: none(),
+            image: none(),
+            once: none(),
+            force: none(),
+            motion: none(),
+            acceleration: none(),
+            push: none(),
+            pull: none(),
+        }
+    }
+
+    /// Finds the largest eigenvalues anew at the next solve.
+    pub(crate) fn forget(&mut self) {
+        self.scales.clear();
+    }
+
+    /// Multiplications that a solve of this step takes, about.
+    pub(crate) fn work(&mut self, sparse: Sparse<'_>) -> usize {
+        self.plan.plan(sparse);
+        self.plan.work()
+    }
+
+    /// Solves a sparse step of hard rows into x (`n`); `None` where the rank is not clear, or refinement does not converge.
+    pub(crate) fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
+        let sparse = problem.sparse.filter(|sparse| sparse.plan.is_some() && problem.softness.is_none())?;
+        self.plan.take(sparse);
+        let (n, nv) = (self.plan.rows(), self.plan.ldl.len());
+        for vector in [&mut self.target, &mut self.residual, &mut self.image, &mut self.once] {
+            vector.resize(n, 0.0);
+        }
+        let Self { shifts, force, motion, acceleration, push, pull, .. } = self;
+        for vector in [shifts, force, motion, acceleration, push, pull] {
+            vector.resize(nv, 0.0);
+        }
+        self.age += 1;
+        if self.scales.is_empty() || self.scaled_for != sparse.plan || self.age >= AGE {
+            self.find_scales(sparse);
+            (self.scaled_for, self.age) = (sparse.plan, 0);
+        }
+        let rank = self.find_rank(problem)?;
+        let open = rank < n && problem.blocks.widest_gap() > CLOSED_ROWS;
+        let info = self.refine(problem.rhs, open, x)?;
+        Some(Info { rank: Some(rank), ..info })
+    }
+
+    /// The largest eigenvalue of A by island, from below: two steps of the power method from rows that push one way or the
+    /// other, as the bits of their numbers say.
+    fn find_scales(&mut self, sparse: Sparse<'_>) {
+        let Self { plan, scales, sums, image, force, motion, .. } = self;
+        for (row, entry) in image.iter_mut().enumerate() {
+            *entry = if (row.wrapping_mul(0x9E37_79B9) >> 16) & 1 == 0 { 1.0 } else { -1.0 };
+        }
+        scales.clear();
+        scales.resize(plan.count, 0.0);
+        for _ in 0..2 {
+            plan.transposed_times(image, force);
+            motion.copy_from_slice(force);
+            plan.solve_mass(sparse, motion);
+            plan.times(motion, image);
+            sums.clear();
+            sums.resize(plan.count, (0.0, 0.0));
+            for (entry, &island) in image.iter().zip(&plan.island_of_row) {
+                sums[island].0 += entry * entry;
+            }
+            for ((force, motion), &island) in force.iter().zip(&*motion).zip(&plan.islands) {
+                sums[island].1 += force * motion;
+            }
+            for (scale, &(square, energy)) in scales.iter_mut().zip(&*sums) {
+                if energy > 0.0 {
+                    *scale = scale.max(square / energy);
+                }
+            }
+        }
+    }
+
+    /// Positive pivots by island, with τ a part of the largest eigenvalue.
+    fn count(&mut self, part: f64) -> Option<()> {
+        self.part = part.max(LEAST);
+        for (shift, &island) in self.shifts.iter_mut().zip(&self.plan.islands) {
+            let scale = self.scales[island];
+            // Velocities that no row touches have P = −M.
+            *shift = if scale > 0.0 { self.part * scale } else { 1.0 };
+        }
+        if !self.plan.factorise(&self.shifts) {
+            return None;
+        }
+        self.positive.clear();
+        self.positive.resize(self.plan.count, 0);
+        for (pivot, &island) in self.plan.ldl.pivots().iter().zip(&self.plan.islands) {
+            self.positive[island] += usize::from(*pivot > 0.0);
+        }
+        Some(())
+    }
+
+    /// The rank of A where nothing near the cut leaves it open; the factor is that of τ above it then.
+    fn find_rank(&mut self, problem: &mut Problem<'_>) -> Option<usize> {
+        let blocks = &mut *problem.blocks;
+        let cut = blocks.cut(self.rank_cut);
+        self.expected.clear();
+        self.expected.resize(self.plan.count, 0);
+        let mut known = true;
+        for block in 0..blocks.len() {
+            let Some(&row) = blocks.of(block).first() else { continue };
+            let most = blocks.held_rank(block);
+            known &= most.is_some();
+            self.expected[self.plan.island_of_row[row]] += most.unwrap_or(blocks.of(block).len());
+        }
+        if blocks.is_undecided()
+            && (blocks.len() != self.islands_with_rows() || blocks.explained_of_all(cut).1 > cut)
+        {
+            return None;
+        }
+        self.count(CLEAR * cut)?;
+        let total = self.positive.iter().sum();
+        if self.positive == self.expected {
+            self.hold(blocks);
+            return Some(total);
+        }
+        // Less than what is held is a singular pose, which its eigenvalues decide; of rows whose rank nobody holds
+        // what is left may be clearly nothing.
+        if known {
+            return None;
+        }
+        let above = std::mem::take(&mut self.positive);
+        let same = self.count(cut / CLEAR).is_some() && self.positive == above;
+        if !same || self.count(CLEAR * cut).is_none() {
+            return None;
+        }
+        self.hold(blocks);
+        Some(total)
+    }
+
+    fn islands_with_rows(&self) -> usize {
+        self.scales.iter().filter(|scale| **scale > 0.0).count()
+    }
+
+    /// Holds ranks that nobody has decided: blocks are islands there.
+    fn hold(&self, blocks: &mut crate::problem::Blocks) {
+        if blocks.is_undecided() {
+            for block in 0..blocks.len() {
+                let island = self.plan.island_of_row[blocks.of(block)[0]];
+                blocks.hold_rank(block, self.positive[island]);
+            }
+        }
+    }
+
+    /// x = A⁺ b by refinement from 0.
+    fn refine(&mut self, rhs: &[f64], open: bool, x: &mut [f64]) -> Option<Info> {
+        let size = norm(rhs);
+        for vector in [&mut *x, &mut self.acceleration, &mut self.push, &mut self.pull] {
+            vector.fill(0.0);
+        }
+        if size == 0.0 {
+            return Some(Info::trivial(0.0));
+        }
+        self.target.copy_from_slice(rhs);
+        self.residual.copy_from_slice(rhs);
+        let (mut first, mut before, mut smaller) = (0.0, f64::INFINITY, false);
+        let mut left_before = if open { self.leave_out() } else { size };
+        for step in 0..STEPS {
+            let correction = self.correct(x);
+            let Self { target, residual, image, push, pull, .. } = self;
+            for ((entry, wanted), image) in residual.iter_mut().zip(&*target).zip(&*image) {
+                *entry = wanted - image;
+            }
+            let mut left = norm(residual);
+            let balanced = distance(pull, push) <= BALANCED * norm(push);
+            if balanced && left <= CLOSED * size {
+                return Some(self.figures(rhs, left / size));
+            }
+            if step == 0 {
+                first = correction;
+            }
+            let ratio = correction / before;
+            let done = step > 0 && correction * ratio <= REFINED * first;
+            let stuck = step > 0 && (ratio >= SLOW || ratio.is_nan());
+            if balanced && (done || (stuck && correction <= ROUNDING * first)) {
+                left = self.leave_out();
+                return Some(self.figures(rhs, left / size));
+            }
+            if (stuck && correction > ROUNDING * first) || !left.is_finite() {
+                return None;
+            }
+            if step > 0 && ratio > SLUGGISH && !smaller {
+                smaller = true;
+                self.expected.copy_from_slice(&self.positive);
+                if self.count(SMALLER * self.part).is_none() || self.positive != self.expected {
+                    return None;
+                }
+            }
+            // What no x can reach stands beside what is left, and its rounding is 1/τ times as large in an acceleration.
+            if left >= SLOW * left_before {
+                left = self.leave_out();
+            }
+            (before, left_before) = (correction, left);
+        }
+        None
+    }
+
+    /// One refinement of δ and x, with `image` = J δ after it; gives how far δ has gone, in the norm of M.
+    fn correct(&mut self, x: &mut [f64]) -> f64 {
+        let Self { plan, shifts, residual, image, force, motion, acceleration, push, pull, .. } = self;
+        plan.transposed_times(residual, force);
+        for ((force, shift), (pull, push)) in force.iter_mut().zip(&*shifts).zip(pull.iter().zip(&*push)) {
+            *force -= shift * (pull - push);
+        }
+        plan.ldl.solve(force);
+        for (entry, change) in acceleration.iter_mut().zip(&*force) {
+            *entry += change;
+        }
+        plan.mass_times(acceleration, motion);
+        let moved =
+            force.iter().zip(motion.iter().zip(&*push)).map(|(change, (new, old))| change * (new - old));
+        let correction = moved.sum::<f64>().max(0.0).sqrt();
+        push.copy_from_slice(motion);
+        for (entry, pull) in motion.iter_mut().zip(&*pull) {
+            *entry -= pull;
+        }
+        plan.ldl.solve(motion);
+        plan.add_and_transpose(motion, x, pull);
+        plan.times(acceleration, image);
+        correction
+    }
+
+    /// Takes what no x can reach out of b and of the residual; gives the norm of the rest.
+    ///
+    /// F = J P⁻¹ Jᵀ is 1 + τ/σ where an eigenvalue counts, and −σ/τ where open rows leave a small one; F² (3 − 2 F) squares both
+    /// errors.
+    fn leave_out(&mut self) -> f64 {
+        let Self { plan, target, residual, image, once, force, .. } = self;
+        image.copy_from_slice(residual);
+        for round in 0..3 {
+            plan.transposed_times(image, force);
+            plan.ldl.solve(force);
+            plan.times(force, image);
+            if round == 1 {
+                once.copy_from_slice(image);
+            }
+        }
+        for ((wanted, residual), (twice, thrice)) in
+            target.iter_mut().zip(&mut *residual).zip(once.iter().zip(&*image))
+        {
+            let reached = 3.0 * twice - 2.0 * thrice;
+            *wanted -= *residual - reached;
+            *residual = reached;
+        }
+        norm(residual)
+    }
+
+    fn figures(&self, rhs: &[f64], residual_rel: f64) -> Info {
+        Info { residual_rel, inconsistency: Some(distance(rhs, &self.target)), ..Info::trivial(0.0) }
+    }
+}
+
+fn distance(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt()
+}
+
+/// The sparse factor, and rank-revealing Cholesky where a step is given dense, is soft, or leaves the rank open.
+#[derive(Clone)]
+pub struct Primal {
+    params: PrimalParams,
+    factor: Factor,
+    dense: Cholesky,
+}
+
+impl Solver for Primal {
+    type Params = PrimalParams;
+    const SUMMARY: &'static str =
+        "sparse factor of JᵀJ − τM, refined: many loops, deep trees, any redundancy";
+    const NEEDS: Needs = Needs::Sparse;
+
+    fn rank_cut(&self) -> Option<f64> {
+        Some(self.params.rank_cut)
+    }
+
+    fn new(params: PrimalParams) -> Self {
+        let PrimalParams { rank_cut } = params;
+        Self { params, factor: Factor::new(rank_cut), dense: Cholesky::new(CholeskyParams { rank_cut }) }
+    }
+
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
+        check_len("x", x.len(), &[problem.len()])?;
+        if let Some(info) = self.factor.solve(problem, x) {
+            return Ok(info);
+        }
+        self.dense.solve(problem, x).map(|info| Info { fallbacks: 1, ..info })
+    }
+
+    fn reset(&mut self) {
+        self.factor.forget();
+        Solver::reset(&mut self.dense);
+    }
+
+    fn state(&self) -> State {
+        self.dense.save(PrimalParams::SOLVER)
+    }
+
+    fn restore(&mut self, state: &State) -> Result<(), Error> {
+        self.dense.load(state, PrimalParams::SOLVER)
+    }
+}
