@@ -32,6 +32,7 @@ from oarlock.diagnosis.runs.overdriven import Overdriven, find_overdriven
 from oarlock.diagnosis.runs.pace import Pace, find_pace
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
+from oarlock.diagnosis.runs.rotors import Rotors, find_rotors
 from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
@@ -98,6 +99,7 @@ class Examination:
         reactions: which are unique.
         size: of the loops at the closed start, m.
         without: what is left of the drift where time stepping, or a solver that stops early, is taken away.
+        rotors: an armature that soft couplings lack.
         pace: the joint that turns furthest within a step.
         dead_point: a joint that MuJoCo takes beyond what the loops admit.
         branch: another branch that MuJoCo's run ends on.
@@ -139,6 +141,7 @@ class Examination:
     reactions: Uniqueness | None = None
     size: float = 1.0
     without: list[Without] = field(default_factory=list)
+    rotors: Rotors | None = None
     pace: Pace | None = None
     dead_point: DeadPoint | None = None
     branch: Branch | None = None
@@ -404,6 +407,10 @@ def _taken_away(found: Examination, attribution: Attribution) -> None:
     found.without = find_fed(recording, found.steps) if drifting else []
     if any(one.leading == "stepping" and one.name in drifting - starved(found) for one in attribution.shares):
         found.without += find_without(recording)
+    soft = {one.name for one in attribution.shares if one.leading == "compliance"}
+    visible = {one.equality for one in found.drifts if one.level == "position" and one.largest > VISIBLE}
+    named = soft & visible & drifting
+    found.rotors = find_rotors(recording, [one for one in recording.layout.equalities if one.name in named])
     opened = {one.equality for one in found.pose.openings if one.largest > CONSISTENT}
     if opened and found.closed:
         least = max(found.target, VISIBLE)

@@ -74,12 +74,13 @@ class _Tendons:
         return float(data.ten_length[index] - model.tendon_length0[index])
 
 
-_COUPLED: dict[str, Coupled] = {"joints": _Joints(), "tendons": _Tendons()}
+COUPLED: dict[str, Coupled] = {"joints": _Joints(), "tendons": _Tendons()}
+"""What an equality kind holds → what it couples."""
 
 
 def coupled(kind: EqualityKind) -> Coupled:
     """What equalities of a kind that holds joints or tendons couple."""
-    return _COUPLED[kind.holds]
+    return COUPLED[kind.holds]
 
 
 def coupled_ids(model: mujoco.MjModel, equality: int) -> list[int]:

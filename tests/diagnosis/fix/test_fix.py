@@ -404,3 +404,66 @@ def test_a_limit_that_is_pushed_in_is_not_mended(tmp_path):
     assert "C5" not in made.mended
     (one,) = (one for one in made.left if one.code == "C5")
     assert "widen the range of 'jaw' to 0.02" in one.line
+
+
+# Limits.
+
+STRUCK = """
+<mujoco>
+  <compiler autolimits="true" angle="radian"/>
+  <option timestep="0.001"/>
+  <default><joint axis="0 1 0" damping="0.005"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body><joint name="flywheel"/><geom fromto="0 0 0 0.2 0 0" mass="2"/></body>
+    <body pos="0 0.2 0"><joint name="flap" range="-0.5 0.5"/><geom fromto="0 0 0 0.2 0 0" mass="0.1"/></body>
+  </worldbody>
+  <equality><joint name="belt" joint1="flap" joint2="flywheel" solref="0.05 1"/></equality>
+</mujoco>
+"""
+
+
+def overrun(path: Path, joint: str, duration_s: float, key: int | None = None) -> float:
+    """How far a joint is beyond its range at most."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, (low, high) = mujoco.MjData(model), model.joint(joint).range
+    if key is not None:
+        mujoco.mj_resetDataKeyframe(model, data, key)
+    most = 0.0
+    for _ in range(round(duration_s / model.opt.timestep)):
+        place = data.joint(joint).qpos[0]
+        most = max(most, low - place, place - high)
+        mujoco.mj_step(model, data)
+    return most
+
+
+@pytest.mark.parametrize("given", ["struck", "short_range"])
+def test_a_limit_that_settings_overrun_further_is_told_with_both_figures(tmp_path, given):
+    source, out = tmp_path / "model.xml", tmp_path / "fixed.xml"
+    source.write_text(STRUCK if given == "struck" else (CHECKED / "short_range.xml").read_text())
+    joint, unit, key = ("flap", "rad", None) if given == "struck" else ("jaw", "m", 0)
+    checked = oarlock.check(source, duration=0.6, target=1e-5)
+    fix = checked.fix(out)
+    before, after = overrun(source, joint, 0.6, key), overrun(out, joint, 0.6, key)
+    assert after > 1.2 * before
+    told = f"the limit of joint '{joint}' is overrun by {after:.2g} {unit} in place of {before:.2g} {unit}"
+    (settings,) = (str(one) for one in fix.changes if "solref" in one.what)
+    assert settings.endswith(told)
+    assert sum(told in line for line in fix.told()) >= 2
+    assert fix.document()["overrun"] == {
+        "limit": f"limit of joint '{joint}'",
+        "before": pytest.approx(before, rel=AGAIN),
+        "after": pytest.approx(after, rel=AGAIN),
+        "unit": unit,
+    }
+    checked.report(tmp_path / "page")
+    row = f"limit of joint '{joint}' | the user's controls | {figure(before, unit)} | {figure(after, unit)}"
+    assert row in (tmp_path / "page" / "README.md").read_text()
+
+
+def test_a_limit_that_settings_leave_alone_is_not_told(tmp_path):
+    source = tmp_path / "model.xml"
+    source.write_text(STRUCK.replace("-0.5 0.5", "-5 5"))
+    fix = oarlock.check(source, duration=0.3, target=1e-5).fix(tmp_path / "fixed.xml")
+    assert fix.changes
+    assert not any("overrun" in line for line in fix.told())
+    assert fix.document()["overrun"] is None

@@ -254,6 +254,56 @@ def test_euler_is_tried_where_runge_kutta_does_not_bear_the_damping_of_joints():
     assert found.reason == "stiffer equalities and euler in place of rk4, at the same timestep"
 
 
+DRIVEN = """<mujoco><option timestep="0.002" integrator="INTEGRATOR"/>
+  <default><joint axis="0 1 0" damping="0.01"/><geom type="capsule" size="0.01" contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="crank"><joint name="crank"/><geom fromto="0 0 0 0 0 0.1" mass="0.02"/>
+      <body name="coupler" pos="0 0 0.1"><joint/><geom fromto="0 0 0 0.3 0 0.05" mass="0.03"/></body></body>
+    <body name="rocker" pos="0.3 0 0"><joint/><geom fromto="0 0 0 0 0 0.15" mass="0.03"/></body>
+  </worldbody>
+  <equality><connect body1="coupler" body2="rocker" anchor="0.3 0 0.05"/></equality>
+  <actuator><velocity name="drive" joint="crank" kv="KV"/></actuator></mujoco>"""
+
+
+def driven(kv: float, integrator: str = "Euler") -> Recipe:
+    model = mujoco.MjModel.from_xml_string(DRIVEN.replace("KV", str(kv)).replace("INTEGRATOR", integrator))
+    return recipe(model, Start(model.qpos0.copy(), np.zeros(3)), {"drive": "1"}, 1e-4, 0.5)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
+@pytest.mark.parametrize(("kv", "saves"), [(1.0, 2.0), (2.0, 1.5)])
+def test_implicitfast_is_taken_where_the_damping_of_an_actuator_costs_the_timestep(kv, saves, integrator):
+    """h kv/I is beyond 2: Euler would need an eighth of the timestep, implicitfast takes kv at the end of a step."""
+    found = driven(kv, integrator)
+    assert not math.isfinite(found.authored.drift)
+    assert found.reached
+    assert found.chosen.setting.integrator == "implicitfast"
+    assert f"implicitfast in place of {integrator.lower()}" in found.reason
+    others = [one for one in found.trials if one.setting.integrator != "implicitfast" and one.drift <= found.target]
+    assert all(one.evaluations >= saves * found.chosen.evaluations for one in others)
+
+
+def test_implicitfast_is_not_taken_where_the_own_integrator_does():
+    found = driven(0.1)
+    assert found.chosen.setting.integrator == "euler"
+    assert {one.setting.integrator for one in found.trials} <= {"euler", "rk4"}
+
+
+def test_implicitfast_is_tried_and_left_where_it_does_not_help(monkeypatch):
+    """A servo whose spring the timestep does not bear: that is taken at the start of a step under every integrator."""
+    text = (
+        DRIVEN.replace("INTEGRATOR", "Euler")
+        .replace("<velocity", "<position")
+        .replace('kv="KV"', 'kp="4000" kv="0.01"')
+    )
+    model = mujoco.MjModel.from_xml_string(text)
+    found = recipe(model, Start(model.qpos0.copy(), np.zeros(3)), {"drive": "0.1"}, 1e-4, 0.2)
+    tried = [one for one in found.trials if one.setting.integrator == "implicitfast"]
+    assert tried
+    assert all(one.drift > found.target or one.setting.timestep_s < 0.002 for one in tried)
+    assert found.chosen.setting.integrator != "implicitfast"
+
+
 def test_direct_numbers_that_are_too_stiff_are_not_called_stiffened():
     model = mujoco.MjModel.from_xml_string(DAMPED.replace("RK4", "Euler").replace("SOLREF", "-1e9 -1e5"))
     found = recipe(model, Start(np.zeros(2), np.array([0.5, 0.4])), {}, 1e-2, 1.0)

@@ -1,5 +1,6 @@
 """Runs of a model with some of the changes of a fix, before any of it is written."""
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -8,10 +9,12 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, one_line
-from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.examination import Examination, begin
+from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial
+from oarlock.mechanics.flexes import flex_equalities
 from oarlock.mechanics.load import collected_warnings, load_model
 
 SEEDS = (11, 12)
@@ -29,7 +32,8 @@ class Bench:
 
     exam: Examination
     base: Examination
-    _models: dict[tuple[Exclusion, ...], mujoco.MjModel] = field(default_factory=dict)
+    _models: dict[tuple[Change, ...], mujoco.MjModel] = field(default_factory=dict)
+    _poses: dict[tuple[Change, ...], ClosedPose | None] = field(default_factory=dict)
     _laws: dict[int, dict[str, str]] = field(default_factory=dict)
 
     @classmethod
@@ -53,11 +57,34 @@ class Bench:
         return Setting.authored(load_model(self.base.path))
 
     def model(self, changes: Sequence[Change]) -> mujoco.MjModel:
-        """The model with the exclusions among changes."""
+        """The model with the exclusions and coefficients among changes."""
         pairs = tuple(change for change in changes if isinstance(change, Exclusion))
-        if pairs not in self._models:
-            self._models[pairs] = self._excluding(pairs) if pairs else self.base.model
-        return self._models[pairs]
+        laws = _coefficients(changes)
+        if (*pairs, *laws) not in self._models:
+            model = self._excluding(pairs) if pairs else self.base.model
+            model = copy.copy(model) if laws else model
+            for change in laws:
+                change.apply(model)
+            self._models[*pairs, *laws] = model
+        return self._models[*pairs, *laws]
+
+    def pose(self, changes: Sequence[Change]) -> ClosedPose | None:
+        """The closed pose nearest to the start with the coefficients among changes."""
+        exam, laws = self.exam, _coefficients(changes)
+        if not laws:
+            return exam.pose
+        if laws not in self._poses:
+            model = self.model(laws)
+            found = nearest_closed(model, exam.qpos, exam.qvel, self.data(model), hold=exam.options.hold)
+            self._poses[laws] = found
+        return self._poses[laws]
+
+    def data(self, model: mujoco.MjModel) -> mujoco.MjData:
+        """Data of a model at the examination's start, with flexes let go: their rows are not looked at."""
+        data = mujoco.MjData(model)
+        data.eq_active[flex_equalities(model)] = 0
+        data.qpos[:], data.qvel[:] = self.exam.qpos, self.exam.qvel
+        return data
 
     def _excluding(self, pairs: Sequence[Exclusion]) -> mujoco.MjModel:
         path, like = self.base.path, self.base.model
@@ -121,6 +148,10 @@ class Bench:
     def seeds(self) -> tuple[int, ...]:
         """Of other controls; none where there are no actuators."""
         return SEEDS if self.base.model.nu else ()
+
+
+def _coefficients(changes: Sequence[Change]) -> tuple[Coefficients, ...]:
+    return tuple(change for change in changes if isinstance(change, Coefficients))
 
 
 def _named(spec: mujoco.MjSpec, body: int) -> str:

@@ -1,11 +1,11 @@
 """What might help a model, by what was found out about it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.edit.changes import Exclusion, Keyframe
+from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe
 from oarlock.diagnosis.edit.keyframe import new_name, source_key
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.fix.bench import Bench
@@ -21,13 +21,13 @@ def exclusions(exam: Examination) -> Iterator[tuple[Exclusion, Collision]]:
             yield Exclusion(*one.bodies), one
 
 
-def closed_keyframe(bench: Bench) -> Keyframe | None:
+def closed_keyframe(bench: Bench, changes: Sequence[Change] = ()) -> Keyframe | None:
     """The nearest closed pose in the keyframe that the start came from, or in a new one where it came from none.
 
-    None where the file starts closed, or there is no such pose.
+    It is closed with the coefficients among changes. None where the file starts closed, or there is no such pose.
     """
     exam, base = bench.exam, bench.base
-    pose = exam.pose
+    pose = bench.pose(changes)
     if pose is None or not pose.closed:
         return None
     elsewhere = exam is not base and not (np.array_equal(exam.qpos, base.qpos) and np.array_equal(exam.qvel, base.qvel))

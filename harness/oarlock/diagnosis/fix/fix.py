@@ -4,11 +4,10 @@ The closed pose goes into the keyframe that the start came from, so that the num
 any gets its first one, where ``check`` then starts by itself. Where nothing helps, the file is a copy of the model, so
 that whatever reads it next finds it.
 
-What stays open for good behind an open start (S4) is left to the settings. An offset of the coupling, which the finding
-names, would move the law that the equality is held against: the file's own check would then call it open.
+Where the start contradicts a coupling, either the pose or the constant of its polynomial is off: ``offsets`` has the
+rule.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from difflib import SequenceMatcher
@@ -19,25 +18,29 @@ from typing import Any
 from oarlock.base.errors import few
 from oarlock.base.numbers import finite
 from oarlock.base.text import called, quoted
-from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import write_copies
 from oarlock.diagnosis.edit.place import require_place
 from oarlock.diagnosis.examination import Examination, begin, examine
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.search import Choice, choose_changes, described, drifts
+from oarlock.diagnosis.fix.choice import Choice
+from oarlock.diagnosis.fix.search import choose_changes, described
+from oarlock.diagnosis.fix.words import drifts, opens, overrun, overruns
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.diagnosis.verdict.verdicts import judge
+from oarlock.mechanics.names import equalities
 
 CLAIMS = {
     Keyframe: ("S1",),
+    Coefficients: ("S1", "S4", "A2"),
     Exclusion: ("C4",),
     Settings: ("D1", "D2", "D3", "D4", "D5", "D6", "T2"),
 }
-"""Kind of change → codes of findings that it is to mend."""
+"""Kind of change → codes of findings that it is to mend; coefficients those of their own equality."""
 
-MENDED = {code for codes in CLAIMS.values() for code in codes}
-"""Codes that some change is to mend."""
+MENDED = {code for kind, codes in CLAIMS.items() if kind is not Coefficients for code in codes}
+"""Codes that some change is to mend, whatever they are said of."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,9 @@ class Changed:
     with_it: Trial
 
     def __str__(self) -> str:
-        return f"{self.what}: {drifts(self.without)} → {drifts(self.with_it)} under {self.with_it.label}"
+        said = f"{self.what}: {drifts(self.without)} → {drifts(self.with_it)} under {self.with_it.label}"
+        beyond = overruns(self.without, self.with_it)
+        return f"{said}; {beyond}" if beyond else said
 
 
 @dataclass(frozen=True)
@@ -133,11 +138,10 @@ class Fix:
             yield f"changed  {one}"
         for said in self.left_out:
             yield f"left out  {said}"
-        told = f"{drifts(self.before)} before, {drifts(self.after)} after, under {self.after.label}"
-        yield f"drift  {told}; target {self.target:g}"
+        yield f"drift  {_before_and_after(self.before, self.after)}; target {self.target:g}"
         yield f"start  {self.begins}"
         for was, trial in zip(self.elsewhere_before, self.elsewhere, strict=True):
-            yield f"drift  {drifts(was)} before, {drifts(trial)} after, under {trial.label}"
+            yield f"drift  {_before_and_after(was, trial)}"
         if self.mended:
             yield f"mended  {few(list(self.mended))}"
         for finding in self.left:
@@ -162,6 +166,7 @@ class Fix:
                     "drift_with": finite(one.with_it.drift),
                     "unit": one.with_it.unit,
                     "controls": one.with_it.label,
+                    "overrun": _overrun_figures(one.without, one.with_it),
                 }
                 for one in self.changes
             ],
@@ -172,12 +177,14 @@ class Fix:
             "drift": finite(self.after.drift),
             "unit": self.after.unit,
             "controls": self.after.label,
+            "overrun": _overrun_figures(self.before, self.after),
             "elsewhere": [
                 {
                     "controls": trial.label,
                     "drift_before": finite(was.drift),
                     "drift": finite(trial.drift),
                     "unit": trial.unit,
+                    "overrun": _overrun_figures(was, trial),
                 }
                 for was, trial in zip(self.elsewhere_before, self.elsewhere, strict=True)
             ],
@@ -188,6 +195,21 @@ class Fix:
             "reason": self.reason,
             "elsewhere_reason": self.elsewhere_reason,
         }
+
+
+def _before_and_after(was: Trial, now: Trial) -> str:
+    beyond = overruns(was, now)
+    said = f"{drifts(was)} before, {drifts(now)} after, under {now.label}"
+    return f"{said}; {beyond}" if beyond else said
+
+
+def _overrun_figures(was: Trial, now: Trial) -> dict[str, Any] | None:
+    """The limit that is overrun otherwise than before, for JSON."""
+    found = overrun(was, now)
+    if found is None:
+        return None
+    before, after = found
+    return {"limit": after.limit, "before": before.by, "after": after.by, "unit": after.unit}
 
 
 def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
@@ -213,7 +235,7 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         pass
     left = tuple(one for one in judge(again) if one.severity != "note")
     left += _overrun(choice, findings, left)
-    claimed = {code for change in choice.changes for code in CLAIMS.get(type(change), ())}
+    unmended = [one for one in left if any(_claims(bench, change, one) for change in choice.changes)]
     were = {one.code for one in findings if one.severity != "note"}
     return Fix(
         file=out,
@@ -229,9 +251,18 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         begins=again.begins,
         mended=tuple(sorted(were - {one.code for one in left})),
         left=left,
-        reason=_reason(bench, choice, after, [one for one in left if one.code in claimed]),
+        reason=_reason(bench, choice, after, unmended),
         elsewhere_reason=_elsewhere(bench.target, elsewhere),
     )
+
+
+def _claims(bench: Bench, change: Change, finding: Finding) -> bool:
+    """Whether a change is to mend a finding."""
+    if finding.code not in CLAIMS.get(type(change), ()):
+        return False
+    if isinstance(change, Coefficients):
+        return any(one.index == change.equality and one.name == finding.element for one in equalities(bench.base.model))
+    return True
 
 
 def _overrun(choice: Choice, findings: Sequence[Finding], left: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -275,7 +306,7 @@ def _reason(bench: Bench, choice: Choice, after: Trial, unmended: Sequence[Findi
     exam = bench.exam
     if after.drift > bench.target:
         why = ""
-        if not exam.closed:
+        if not choice.closed:
             why = "no pose near the start closes the loops"
         elif exam.options.budget <= 0:
             why = "no settings were looked for"
@@ -295,10 +326,3 @@ def _elsewhere(target: float, trials: Sequence[Trial]) -> str:
         return ""
     worst = max(beyond, key=lambda one: one.drift)
     return f"under {worst.label} {opens(worst)}"
-
-
-def opens(trial: Trial) -> str:
-    """What opens, and how far, in words."""
-    if not math.isfinite(trial.drift):
-        return f"the run diverges: {trial.end.message}"
-    return f"{quoted(trial.equality.name)} opens by {drifts(trial)}"

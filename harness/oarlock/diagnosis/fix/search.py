@@ -1,18 +1,20 @@
 """Which changes help: each is taken in, then taken out again to see what the others are without it."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import mujoco
 
 from oarlock.base.errors import InputError
 from oarlock.base.text import quoted
-from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.edit.keyframe import new_name
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.fix.candidates import closed_keyframe, exclusions
-from oarlock.diagnosis.lint.collision import Collision
+from oarlock.diagnosis.fix.choice import Choice
+from oarlock.diagnosis.fix.offsets import choose_offsets
+from oarlock.diagnosis.fix.words import drifts
 from oarlock.diagnosis.runs.recipe import Recipe
 from oarlock.diagnosis.runs.trials import Setting, Trial
 from oarlock.mechanics.names import element_name, equalities
@@ -24,30 +26,6 @@ DEARER = 4.0
 """Times the evaluations of the settings that hold under the user's controls: others may not cost more."""
 
 
-@dataclass
-class Choice:
-    """The changes that a fix consists of.
-
-    Attributes:
-        changes: in the order in which they are told.
-        effects: of each, a run without it and one with it: of settings with all others, of others before the settings.
-        collisions: of exclusions.
-        before: the file as it is; after: with all changes; both under the user's controls from the file's own start.
-        elsewhere: with all changes under random controls.
-        left_out: what was tried and did not help, in words.
-        recipe: whose settings they are; None where none were looked for.
-    """
-
-    before: Trial
-    after: Trial
-    changes: list[Change] = field(default_factory=list)
-    effects: dict[int, tuple[Trial, Trial]] = field(default_factory=dict)
-    collisions: dict[int, Collision] = field(default_factory=dict)
-    elsewhere: list[Trial] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
-    recipe: Recipe | None = None
-
-
 def choose_changes(bench: Bench) -> Choice:
     """Tries what might help.
 
@@ -57,14 +35,20 @@ def choose_changes(bench: Bench) -> Choice:
     exam, target = bench.exam, bench.target
     before = bench.run([])
     found = Choice(before, before)
-    pose = closed_keyframe(bench)
-    wanted: list[Change] = [pose] if pose is not None else []
+    offsets, found.left_out = choose_offsets(bench)
+    found.offsets = {id(one.change): one for one in offsets}
+    wanted: list[Change] = [one.change for one in offsets]
+    found.pose = bench.pose(wanted)
+    if (closed := closed_keyframe(bench, wanted)) is not None:
+        wanted.append(closed)
     for exclusion, collision in exclusions(exam):
         wanted.append(exclusion)
         found.collisions[id(exclusion)] = collision
     changes = [change for one in wanted if (change := _with_room(bench, one, found))]
     _settle(bench, found, changes)
     for change in list(changes):  # at the author's settings: stiff ones hide what a collision does
+        if isinstance(change, Coefficients):  # which was tried, and which the closed pose hangs on
+            continue
         rest = [one for one in changes if one is not change]
         with_it, without = bench.run(changes), bench.run(rest)
         if isinstance(change, Keyframe):
@@ -127,7 +111,7 @@ def _settings(bench: Bench, found: Choice, changes: list[Change], target: float)
         return None
     best: Settings | None = None
     if found.after.drift > target:
-        found.recipe = _recipe(bench, changes)
+        found.recipe = _recipe(bench, found, changes)
         if found.recipe is None:
             return None
         wanted = Settings(found.recipe.chosen.setting)
@@ -153,10 +137,10 @@ def _evaluations(bench: Bench, setting: Setting) -> int:
     return setting.steps(bench.exam.duration_s) * setting.evaluations
 
 
-def _recipe(bench: Bench, changes: list[Change]) -> Recipe | None:
+def _recipe(bench: Bench, found: Choice, changes: list[Change]) -> Recipe | None:
     """That of the examination where it is of the same model from the same start; otherwise a new one."""
     exam = bench.exam
-    if exam.options.budget <= 0 or not exam.closed:
+    if exam.options.budget <= 0 or not found.closed:
         return None
     if exam is bench.base and exam.recipe is not None and all(isinstance(change, Keyframe) for change in changes):
         return exam.recipe
@@ -166,16 +150,11 @@ def _recipe(bench: Bench, changes: list[Change]) -> Recipe | None:
 # In words.
 
 
-def drifts(trial: Trial) -> str:
-    """How far a run opens, in words."""
-    return f"{trial.drift:.2g} {trial.unit}" if math.isfinite(trial.drift) else "diverged"
-
-
 def described(bench: Bench, change: Change, found: Choice) -> str:
     """A change in words."""
-    exam, base = bench.exam, bench.base
+    base = bench.base
     if isinstance(change, Keyframe):
-        moves = f", which moves {quoted(exam.pose.moved_joint)} most" if exam.pose and exam.pose.moved else ""
+        moves = f", which moves {quoted(found.pose.moved_joint)} most" if found.pose and found.pose.moved else ""
         if change.key is None:
             return f"a keyframe '{change.name}' with the nearest closed pose{moves}"
         name = element_name(base.model, mujoco.mjtObj.mjOBJ_KEY, change.key)
@@ -187,6 +166,9 @@ def described(bench: Bench, change: Change, found: Choice) -> str:
             f" by {one.depth * 1e3:.2g} mm" if one.depth else ""
         )
         return f"no contacts of '{names[0]}' and '{names[1]}'{joins}"
+    if isinstance(change, Coefficients):
+        offset = found.offsets[id(change)]
+        return f"{offset}, for {offset.why}"
     if isinstance(change, Settings):
         return _settings_in_words(bench, change)
     return type(change).__name__

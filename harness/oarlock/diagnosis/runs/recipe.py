@@ -23,6 +23,7 @@ from oarlock.diagnosis.runs.budget import Budget, CutShortError
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.stability import RowSettings, stability
 from oarlock.diagnosis.runs.trials import Made, Setting, Start, Trial, disturbed
+from oarlock.diagnosis.runs.without import explicit
 from oarlock.mechanics.curvature import bends
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.poses.layout import Layout
@@ -66,6 +67,10 @@ first, then the one that opens least."""
 
 CONSERVING = INTEGRATORS["rk4"].name
 """The integrator that is tried for the energy's sake, and where no other holds a loop at the model's own timestep."""
+
+EASY = INTEGRATORS["implicitfast"].name
+"""The integrator that is tried where the own one takes some damping as it was at the start of a step (actuators',
+tendons', a fluid's, under Runge–Kutta also joints') and does not hold the loop at the model's own timestep."""
 
 Outcome = Literal["holds", "reached", "not-reached", "undecided"]
 
@@ -284,10 +289,11 @@ class _Search:
         if own == CONSERVING and not math.isfinite(self._trials[0].drift):  # Euler bears joints' damping, and it not
             families.insert(0, ("deadbeat", "euler"))
         first = {family: self._first(family, timestep) for family in families}
-        if any(trial is not None and trial.drift <= self._target for trial in first.values()):
-            return self._cheapest(self._own_trials())
+        held = [trial.setting.timestep_s for trial in first.values() if trial and trial.drift <= self._target]
+        if explicit(self._model, own) and timestep not in held:
+            first["deadbeat", EASY] = self._first(("deadbeat", EASY), timestep, max(held, default=0.0))
         # Runge–Kutta takes four evaluations a step: worth it where Euler would need more steps than that.
-        if own != CONSERVING:
+        if own != CONSERVING and not any(trial and trial.drift <= self._target for trial in first.values()):
             if own != "euler":
                 first["deadbeat", "euler"] = self._first(("deadbeat", "euler"), timestep)
             least = min((trial.drift for trial in first.values() if trial), default=math.inf)
@@ -317,15 +323,15 @@ class _Search:
             return math.inf
         return trial.evaluations * max(1.0, math.sqrt(trial.drift / (MARGIN * self._target)))
 
-    def _first(self, family: _Family, timestep: float) -> Trial | None:
-        """At the model's own timestep, or at half of it and so on where the run diverges."""
+    def _first(self, family: _Family, timestep: float, least: float = 0.0) -> Trial | None:
+        """At the model's own timestep, or at half of it and so on where the run diverges, but not below the least."""
         way, integrator = family
         trial = None
         for halving in range(HALVINGS + 1):
             trial = self._try(f"{way}, {integrator}", self._set(way, timestep / 2**halving, integrator))
             if halving == 0:
                 trial = self._fed(trial)
-            if trial is None or math.isfinite(trial.drift):
+            if trial is None or math.isfinite(trial.drift) or timestep / 2 ** (halving + 1) < least:
                 break
         return trial
 

@@ -10,6 +10,7 @@ import numpy as np
 from oarlock.base.numbers import exact
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.loops.gaps import gaps
+from oarlock.diagnosis.runs.overrun import Overrun, Overruns
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.walking import End, diverged, energy_error, other_power, own_copy, walk
 from oarlock.mechanics.controls import drive
@@ -124,6 +125,7 @@ class Trial:
         steps: of the run, had it stayed finite; taken: those that it took.
         cost: evaluations of the model relative to the run as authored; None of a run that diverged.
         predicted: the drift that was expected, where one was.
+        overruns: ranges of joints and tendons that were left.
     """
 
     label: str
@@ -141,6 +143,7 @@ class Trial:
     end: End
     cost: float | None = None
     predicted: float | None = None
+    overruns: tuple[Overrun, ...] = ()
 
     @property
     def evaluations(self) -> int:
@@ -210,7 +213,7 @@ def run_trial(
     driven = drive(own, laws)
     columns, block = RowColumns(layout), np.zeros((_BLOCK, layout.rows))
     energy, power = np.zeros((steps, 2)), np.zeros(steps)
-    worst, taken = _Worst(own, layout), 0
+    worst, overruns, taken = _Worst(own, layout), Overruns(own), 0
     with np.errstate(all="ignore"), collected_warnings():
         for step in walk(own, data, driven, steps):
             if tick is not None and step % TICKS == 0:
@@ -222,6 +225,7 @@ def run_trial(
             else:
                 block[slot] = 0.0
                 block[slot, columns.of(data)] = data.efc_pos[columns.rows(data)]
+            overruns.see(data)
             taken = step + 1
             if slot == _BLOCK - 1:
                 worst.see(block)
@@ -243,6 +247,7 @@ def run_trial(
         taken=taken,
         end=End("finished", float(data.time)) if finished else diverged(own, data),
         predicted=predicted,
+        overruns=overruns.found if finished else (),
     )
 
 

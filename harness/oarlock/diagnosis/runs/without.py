@@ -50,6 +50,9 @@ Cause = Literal["stepping", "implicit", "solver"]
 
 _EXPLICIT = "euler"
 
+_RATE = 2
+"""Place in the parameters of an actuator's gain or bias of what its force changes by with a velocity."""
+
 
 @dataclass(frozen=True)
 class Without:
@@ -137,6 +140,15 @@ def implicit(model: mujoco.MjModel, integrator: str) -> bool:
         off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP
         return not off and bool(model.dof_damping.any())
     return integrator in ("implicit", "implicitfast")
+
+
+def explicit(model: mujoco.MjModel, integrator: str) -> bool:
+    """Whether steps may take some damping as it was at their start that implicitfast takes at their end."""
+    if integrator in ("implicit", "implicitfast"):
+        return False
+    gains, biases = model.actuator_gainprm[:, _RATE], model.actuator_biasprm[:, _RATE]
+    some = bool(gains.any() or biases.any() or model.tendon_damping.any() or model.opt.viscosity or model.opt.density)
+    return some or (bool(model.dof_damping.any()) and not implicit(model, integrator))
 
 
 def _finer(model: mujoco.MjModel, parts: int = PARTS) -> None:

@@ -6,7 +6,7 @@ from oarlock.base.numbers import figure
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.runs.drifts import Drift
-from oarlock.diagnosis.verdict.blame import held
+from oarlock.diagnosis.verdict.blame import held, with_armature
 from oarlock.diagnosis.verdict.cost import metres, named
 from oarlock.diagnosis.verdict.findings import Finding, worst_first
 
@@ -40,6 +40,8 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
     if bad and (not holds or bad[0].severity == "error"):
         why = _cause(worst, bad)
         said = _own(why) if why.code not in _BECAUSE else f"{_opens(exam, worst)}: {_BECAUSE[why.code]}"
+        if why.code == "D1" and exam.rotors is not None and worst.equality in exam.rotors.left:
+            said += f"; {with_armature(exam.rotors, worst.equality)}"
         return said if why.code in _BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
     if holds:
         return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(exam, worst, 'at most ')}"

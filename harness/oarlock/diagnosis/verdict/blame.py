@@ -16,6 +16,7 @@ from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
 from oarlock.diagnosis.runs.recipe import LOST, Recipe
+from oarlock.diagnosis.runs.rotors import Rotors
 from oarlock.diagnosis.runs.row_law import Share
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.trials import Setting, Trial
@@ -99,6 +100,11 @@ def drift(exam: Examination) -> Iterator[Finding]:
             said += _gentle(exam, share)
         severity: Severity | None = None if worst.largest > VISIBLE else "note"
         figures = _figures(share, worst) | {"part": part.size} | ({"also": list(also)} if also else {})
+        if code == "D1" and exam.rotors is not None and share.name in exam.rotors.left:
+            rotors, own = exam.rotors, "a single joint" if len(exam.rotors.joints) == 1 else "single joints"
+            said += f"; MuJoCo scales it by the inertia of {own}, {rotors.inertia:.2g} {rotors.unit}: "
+            said += with_armature(rotors, share.name)
+            figures |= {"armature": exam.rotors.armature, "joints": list(exam.rotors.joints)}
         yield found(code, exam.file, said, element=share.name, severity=severity, **figures)
         softer = {one.name: float(recording.scale[one.row]) for one, *_ in members if recording.scale[one.row] > SCALE}
         if code == "D1" and softer:
@@ -118,6 +124,11 @@ def _gentle(exam: Examination, share: Share) -> str:
     if not low < GENTLE * high:
         return ""
     return f"; its solimp begins at {low:g} and comes to {high:g} only where it is open by {width:g} {equality.unit}"
+
+
+def with_armature(one: Rotors, equality: str) -> str:
+    """What an armature leaves of a coupling whose softness tiny inertias scale."""
+    return f'with armature="{one.armature:g}" on {in_words(list(one.joints))} it opens by {one.left[equality]}'
 
 
 @dataclass(frozen=True)

@@ -381,9 +381,7 @@ mod tests {
         let mut rows = SparseRows::default();
         rows.take(&view, false, 2, WIDTH);
         let other = SparseRows::of(&dense(&entries, 2), WIDTH);
-        for row in 0..2 {
-            assert_eq!(rows.row(row), other.row(row));
-        }
+        assert_eq!((rows.row(0), rows.row(1)), ((&[1, 4][..], &[2.0, 0.0][..]), other.row(1)));
         let generation = rows.generation();
         rows.take(&view, rows.knows(&view, 2, WIDTH), 2, WIDTH);
         assert_eq!(rows.generation(), generation);

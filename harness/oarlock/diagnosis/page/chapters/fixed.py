@@ -36,8 +36,7 @@ def fixed(fix: Mapping[str, Any]) -> Chapter:
     if len(lines) > LINES:
         chapter.say(f"and {len(lines) - LINES} more lines.")
     chapter.explain(
-        "What each change does, tried by itself: of a keyframe and of exclusions before the settings change, of "
-        "settings with all others."
+        "What each change does, tried by itself: of settings with all others, of all others before the settings change."
     )
     chapter.table(
         "changes",
@@ -56,12 +55,23 @@ def fixed(fix: Mapping[str, Any]) -> Chapter:
         [(one["controls"], _drift(one, "drift_before"), _drift(one, "drift")) for one in runs],
     )
     chapter.table(
+        "limits that the fix overruns otherwise",
+        ("limit", "controls", "overrun before", "after"),
+        [_overrun(one) for one in runs if one["overrun"]],
+        words=2,
+    )
+    chapter.table(
         "left by the fix",
         ("code", "at", "left"),
         [(f"{one['code']} {one['name']}", one["element"], one["line"]) for one in fix["left"]],
         words=3,
     )
     return chapter
+
+
+def _overrun(run: Mapping[str, Any]) -> tuple[str, ...]:
+    one = run["overrun"]
+    return one["limit"], run["controls"], *(figure(one[name], one["unit"]) for name in ("before", "after"))
 
 
 def _drift(run: Mapping[str, Any], name: str) -> str:
