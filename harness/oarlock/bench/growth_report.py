@@ -147,7 +147,7 @@ def cost(row: dict[str, Any]) -> str:
     if row["left_out"]:
         return "–"
     said = f"{row['ratio']:.2f} / {row['ratio_to_fastest']:.2f}"
-    return said + (f" ({100 * row['unconverged']:.2g} % unconverged)" if row["unconverged"] else "")
+    return said + (f" ({100 * row['unconverged']:.3g} % unconverged)" if row["unconverged"] else "")
 
 
 def error(row: dict[str, Any] | None, figure: str) -> str:
