@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 from oarlock.bench import memory
-from oarlock.bench.errors import GENERIC, LEAD, SINGULAR, bench_errors, judge, kind_of, places_of_walk, worst
+from oarlock.bench.errors import (
+    GENERIC,
+    LEAD,
+    SINGULAR,
+    bench_errors,
+    judge,
+    kind_of,
+    places_near_singular,
+    places_of_walk,
+    worst,
+)
 from oarlock.bench.families import families
 from oarlock.bench.growth import SOLVERS
 from oarlock.bench.memory import WALKERS, bench_memory, peak_mb
@@ -42,6 +52,15 @@ def test_two_oracles_agree(rank, spread):
         theirs.multipliers, rel=1e-14, abs=1e-14 * np.abs(theirs.multipliers).max()
     )
     assert mine.acceleration == pytest.approx(theirs.acceleration, rel=1e-13, abs=1e-13)
+
+
+def test_a_rank_is_kept_where_rows_are_nearly_the_same():
+    """Two rows 1e-9 apart are one by structure: what was asked of both is asked of their middle."""
+    rows = np.array([[1.0, 0.0], [1.0, 1e-9]])
+    held, free = (exact(np.eye(2), rows, np.zeros(2), np.array([1.0, 2.0]), rank) for rank in (1, None))
+    assert (held.rank, free.rank) == (1, 2)
+    assert held.acceleration == pytest.approx([1.5, 0.0], abs=1e-8)
+    assert free.acceleration == pytest.approx([1.0, 1e9])
 
 
 def test_an_oracle_of_nothing_is_the_free_motion():
@@ -105,6 +124,8 @@ def test_the_worst_of_states_counts():
 def test_places_are_led_to():
     places = list(places_of_walk("n_crank:K=4", (5, LEAD + 5)))
     assert [len(place.way) for place in places] == [6, LEAD + 1]
+    assert {place.rank for place in places} == {4}
+    assert {place.rank for place in places_near_singular("n_four_bar:N=2")} == {None}
     assert not np.array_equal(places[0].way[-1][0], places[0].way[-2][0])
     rows = judge(places[0], ("pinv",))
     assert [row["name"] for row in rows] == ["pinv"]

@@ -65,6 +65,22 @@ def test_tables_of_the_page_are_whole(measured, text):
         assert len({line.rstrip().count("|") for line in body}) == 1, body[:3]
 
 
+def test_what_is_wrong_without_a_word_is_named(measured, tmp_path):
+    wrong = copy.deepcopy(measured)
+    (row,) = (row for row in wrong["errors"] if (row["model"], row["name"]) == ("net:k=2", "pinv"))
+    row["multipliers"] = 0.25
+    write_growth_report(wrong, {}, tmp_path)
+    text = (tmp_path / "README.md").read_text(encoding="utf-8")
+    (named,) = (line for line in text.splitlines() if line.startswith("- multipliers: "))
+    assert "pinv at net:k=2, generic (2e-01)" in named
+    assert "- acceleration: none." in text
+    row["status"] = "inaccurate"
+    write_growth_report(wrong, {}, tmp_path)
+    text = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "2e-01, inaccurate" in text
+    assert "pinv at net:k=2" not in text
+
+
 def test_what_was_not_walked_has_no_figure_and_is_said(measured, tmp_path):
     less = copy.deepcopy(measured)
     for row in less["rows"]:
@@ -73,8 +89,8 @@ def test_what_was_not_walked_has_no_figure_and_is_said(measured, tmp_path):
     less["exponents"] = growth.exponents(less["rows"])
     write_growth_report(less, {}, tmp_path)
     text = (tmp_path / "README.md").read_text(encoding="utf-8")
-    assert "- `n_crank:K=3`: sr1-tracked: 10 ms a step, too long." in text
-    assert "- `n_four_bar:N=10,connects=2`: pinv: 10 ms a step, too long." in text
+    assert "- coupler, `n_crank:K=3`: sr1-tracked: 10 ms a step, too long." in text
+    assert "- chain-twice, `n_four_bar:N=10,connects=2`: pinv: 10 ms a step, too long." in text
     assert "Everything was walked." not in text
 
 

@@ -58,11 +58,19 @@ Way = list[tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class Place:
-    """A state of a model that methods are judged at, one of a kind."""
+    """A state of a model that methods are judged at.
+
+    Attributes:
+        model: its name.
+        kind: what the state is.
+        way: leads to it.
+        rank: of A there by structure; None where the pose decides.
+    """
 
     model: str
     kind: str
     way: Way
+    rank: int | None = None
 
 
 def places_of_walk(name: str, sampled: tuple[int, ...] = SAMPLED) -> Iterator[Place]:
@@ -74,7 +82,7 @@ def places_of_walk(name: str, sampled: tuple[int, ...] = SAMPLED) -> Iterator[Pl
         states.append((qpos.copy(), qvel.copy()))
         run.advance(1)
     for step in sampled:
-        yield Place(name, GENERIC, states[max(0, step - LEAD) : step + 1])
+        yield Place(name, GENERIC, states[max(0, step - LEAD) : step + 1], track.rank)
 
 
 def kind_of(distance: float) -> str:
@@ -107,12 +115,12 @@ class _Asked:
         self._state.read()
         self.question.ask()
 
-    def right(self) -> Exact:
+    def right(self, rank: int | None) -> Exact:
         """The exact answer at the state where it is."""
         mass = np.zeros((self._model.nv, self._model.nv))
         mujoco.mj_fullM(self._model, self._data, mass)
         aref, _ = self._state.question("hard")
-        return exact(mass, self._state.jacobian, self._state.unconstrained, aref)
+        return exact(mass, self._state.jacobian, self._state.unconstrained, aref, rank)
 
     @property
     def unconstrained(self) -> np.ndarray:
@@ -130,7 +138,7 @@ def judge(place: Place, solvers: tuple[str, ...] = SOLVERS) -> list[dict[str, An
     for qpos, qvel in place.way:
         asked.read(qpos, qvel)
         answers = {name: asked.question.answer(solver) for name, solver in own.items()}
-    right = asked.right()
+    right = asked.right(place.rank)
     fastest = np.abs([right.acceleration, asked.unconstrained]).max()
     strongest = np.abs(right.multipliers).max()
 

@@ -46,6 +46,9 @@ _SHADES = {
 _PANELS = 3
 """Panels of families in a row."""
 
+WRONG = 1e-6
+"""Relative error from which the page names an answer: what ``converged`` promises of accelerations."""
+
 _TICKS = (0.3, 1, 3, 10, 30)
 
 
@@ -167,20 +170,27 @@ def error_table(rows: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[s
     return [(own[0], {row["name"]: row for row in own}) for own in groups]
 
 
-def memory_table(rows: list[dict[str, Any]]) -> list[tuple[str, dict[str, dict[str, Any]]]]:
-    """Each family's model with its rows by who walks."""
+def memory_table(rows: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, dict[str, Any]]]]:
+    """A family each, one of its rows and all by who walks."""
     families = dict.fromkeys(row["family"] for row in rows)
     groups = [[row for row in rows if row["family"] == family] for family in families]
-    return [(own[0]["model"], {row["name"]: row for row in own}) for own in groups]
+    return [(own[0], {row["name"]: row for row in own}) for own in groups]
 
 
-def refusals(rows: list[dict[str, Any]]) -> list[tuple[str, dict[str, list[str]]]]:
-    """Each model at which methods are left out, with why → which."""
-    found: dict[str, dict[str, list[str]]] = {}
+def refusals(rows: list[dict[str, Any]]) -> list[tuple[str, str, dict[str, list[str]]]]:
+    """Each family and model at which methods are left out, with why → which."""
+    found: dict[tuple[str, str], dict[str, list[str]]] = {}
     for row in rows:
         if row["left_out"]:
-            found.setdefault(row["model"], {}).setdefault(row["left_out"], []).append(row["name"])
-    return list(found.items())
+            key = row["family"], row["model"]
+            found.setdefault(key, {}).setdefault(row["left_out"], []).append(row["name"])
+    return [(*key, why) for key, why in found.items()]
+
+
+def silent_errors(rows: list[dict[str, Any]], figure: str) -> list[dict[str, Any]]:
+    """The rows of errors above ``WRONG`` of methods that said ``converged``, and no wrong rank."""
+    own = [row for row in rows if row["status"] == "converged" and row["rank"] in (None, row["true_rank"])]
+    return [row for row in own if row[figure] is None or row[figure] > WRONG]
 
 
 def write_growth_report(growth: dict[str, Any], occasion: dict[str, Any], target: Path) -> Path:
@@ -205,6 +215,8 @@ def write_growth_report(growth: dict[str, Any], occasion: dict[str, Any], target
         figures={figure.name: figure for figure in drawn},
         refusals=refusals(rows),
         errors=error_table(growth["errors"]),
+        wrong=WRONG,
+        wrong_ones={what: silent_errors(growth["errors"], what) for what in ("acceleration", "multipliers")},
         memory=memory_table(growth["memory"]),
         ends=ends,
         shares=shares,

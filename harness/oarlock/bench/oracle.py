@@ -33,7 +33,9 @@ class Exact(NamedTuple):
     rank: int
 
 
-def exact(mass: np.ndarray, jacobian: np.ndarray, unconstrained: np.ndarray, aref: np.ndarray) -> Exact:
+def exact(
+    mass: np.ndarray, jacobian: np.ndarray, unconstrained: np.ndarray, aref: np.ndarray, rank: int | None = None
+) -> Exact:
     """Solves A λ = b.
 
     Args:
@@ -41,12 +43,14 @@ def exact(mass: np.ndarray, jacobian: np.ndarray, unconstrained: np.ndarray, are
         jacobian: J (n, nv).
         unconstrained: a₀ = M⁻¹ f (nv).
         aref: accelerations asked of the rows (n).
+        rank: of A, where the structure tells: loops that stand open by 1e-12 make rows differ that are the same by
+            structure. Pivots decide, if left out.
     """
     with localcontext(Context(prec=DIGITS, Emax=MAX_EMAX, Emin=MIN_EMIN)):
         J, free = _decimals(jacobian), _decimals(unconstrained)
         L = _cholesky(_decimals(mass))
         W = _forward(L, J.T)  # A = Wᵀ W
-        F = _factor(W)
+        F = _factor(W, rank)
         b = _decimals(aref) - J @ free
         multipliers = b * 0
         if F.shape[1]:
@@ -69,12 +73,12 @@ def _cholesky(matrix: Numbers) -> Numbers:
     return L
 
 
-def _factor(W: Numbers) -> Numbers:
-    """F (n, rank) with F Fᵀ = Wᵀ W but for what is below the cut."""
+def _factor(W: Numbers, rank: int | None) -> Numbers:
+    """F (n, rank) with F Fᵀ = Wᵀ W but for what is below the cut, or beyond the rank."""
     left = (W * W).sum(axis=0)
     columns: list[Numbers] = []
     first = max(left, default=Decimal(0))
-    while first > 0 and len(columns) < len(left):
+    while first > 0 and len(columns) < (len(left) if rank is None else rank):
         pivot = int(np.argmax(left))
         if left[pivot] <= CUT * first:
             break

@@ -70,6 +70,11 @@ class Track:
         steps: so many a walk takes.
         start: positions (nq) and velocities (nv) of a closed state of the model to begin from; the case's, if left out.
 
+    Attributes:
+        rank: of the rows, as the case says; None where it does not.
+        terms: Baumgarte's of the case.
+        steps: so many a walk takes.
+
     Raises:
         InputError: the native path cannot be taken, or there is no such model.
     """
@@ -79,6 +84,8 @@ class Track:
             raise InputError(f"no native stepping: {native_path.refusal()}")
         case = load_case(name)
         timestep_s = case.file.run.timestep_s or 1e-3
+        rank = case.expected().get("rank")
+        self.rank = rank if isinstance(rank, int) else None
         self._laboratory = Laboratory(case, Conditions(duration_s=steps * timestep_s))
         self._start = start
         self.terms = case.file.baumgarte
