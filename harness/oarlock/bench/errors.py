@@ -18,7 +18,7 @@ from oarlock.bench.oracle import Exact, exact
 from oarlock.bench.steps import Track
 from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping.prepared import Prepared
-from oarlock.stepping.question import Question
+from oarlock.stepping.question import Answer, Question
 from oarlock.stepping.state import State
 
 LEAD = 20
@@ -135,6 +135,7 @@ def judge(place: Place, solvers: tuple[str, ...] = SOLVERS) -> list[dict[str, An
     """
     track = Track(place.model, 1)
     asked, own = _Asked(track), {name: track.solver(name) for name in solvers}
+    answers: dict[str, Answer] = {}
     for qpos, qvel in place.way:
         asked.read(qpos, qvel)
         answers = {name: asked.question.answer(solver) for name, solver in own.items()}

@@ -52,7 +52,7 @@ WRONG = 1e-6
 _TICKS = (0.3, 1, 3, 10, 30)
 
 
-def _ratio_panel(rows: list[dict[str, Any]], title: str, counted: str) -> alt.LayerChart:
+def _ratio_panel(rows: list[dict[str, Any]], title: str, counted: str) -> alt.LayerChart | alt.FacetChart:
     points = [
         {"count": row["count"], "value": row["ratio"], "who": row["name"]}
         for row in rows
