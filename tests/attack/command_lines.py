@@ -279,6 +279,6 @@ def _moderate(arguments: tuple[str, ...]) -> bool:
     name = arguments[0]
     if name == "new" and "--to" not in arguments:
         return False
-    if name == "bench" and any(word.startswith("--growth") for word in arguments):
+    if name == "bench" and any(word.startswith(("--growth", "--family")) for word in arguments):
         return False
     return name not in LARGE or any(word in LARGE[name] for word in arguments)

@@ -1,4 +1,4 @@
-"""The page of a measured growth: figures, tables and exponents in words, a pure function of the measurement."""
+"""The page of a measured growth: figures, tables and verdicts in words, a pure function of the measurement."""
 
 from pathlib import Path
 from typing import Any
@@ -7,19 +7,30 @@ import altair as alt
 import polars as pl
 
 from oarlock.base.files import write_text
-from oarlock.bench.growth import MANY, PARTS, SOLVERS, STEP
+from oarlock.bench.errors import LEAD
+from oarlock.bench.families import FAMILIES
+from oarlock.bench.growth import FASTEST, MANY, OWN_PARTS, PARTS, PROFILED, SOLVERS, STEP
+from oarlock.bench.memory import WALKERS
+from oarlock.bench.standings import ANSWERED, LOSES, NONE, PAPER, TIE, TIES, WINS, by_size, of_family, shares, standings
 from oarlock.bench.steps import BARE
-from oarlock.render.charts import WIDTH, log_axis
+from oarlock.render.charts import WIDTH
 from oarlock.render.page import Figure, page
 from oarlock.render.template import render
 from oarlock.tables.folder import occasion_of
 
-NAMED = 0.05
-"""Share of a step from which on the text names a part."""
-
 TITLE = "The cost of a step against the number of loops"
 
-_CURVES = {BARE: "#d95f02", "auto": "#1f78b4", "sr1-tracked": "#6a3d9a"}
+_COLOURS = {
+    FASTEST: "#d95f02",
+    "auto": "#111111",
+    "dual": "#1f78b4",
+    "primal": "#33a02c",
+    "cholesky": "#a6cee3",
+    "sr1-tracked": "#6a3d9a",
+    "sr1": "#cab2d6",
+    "pinv": "#b15928",
+    "cg": "#fb9a99",
+}
 _SHADES = {
     "stages": "#d95f02",
     "integrator": "#fdae6b",
@@ -32,109 +43,154 @@ _SHADES = {
 }
 """MuJoCo's parts in orange, the question in green and blue, the answer in violet."""
 
+_PANELS = 3
+"""Panels of families in a row."""
 
-def who(name: str) -> str:
-    """A contender as the page calls it."""
-    return f"bare {BARE}" if name == BARE else f"exact, {name}"
+WRONG = 1e-6
+"""Relative error from which the page names an answer: what ``converged`` promises of accelerations."""
 
-
-def in_words(power: float | None) -> str:
-    """An exponent as one says it: a power is called N or N² within 0.15 and 0.25 of it."""
-    if power is None:
-        return "not at all"
-    bounds = {0.15: "hardly at all", 0.85: "slower than N", 1.15: "like N"}
-    bounds |= {1.75: "faster than N, slower than N²", 2.25: "like N²"}
-    return next((words for bound, words in bounds.items() if power <= bound), "faster than N²")
+_TICKS = (0.3, 1, 3, 10, 30)
 
 
-def shares(row: dict[str, Any]) -> dict[str, float]:
-    """Part → its share of the sum, the largest first; of those that take time."""
-    costs = {part: cost for part, cost in row["parts_us"].items() if cost > 0}
-    return {part: costs[part] / sum(costs.values()) for part in sorted(costs, key=lambda part: -costs[part])}
-
-
-def _loops(rows: list[dict[str, Any]]) -> alt.X:
-    sizes = sorted({row["loops"] for row in rows})
-    scale = alt.Scale(type="log", domain=[sizes[0] / 1.1, sizes[-1] * 1.1], nice=False)
-    return alt.X("loops:Q", title="N, four-bars in the chain", scale=scale, axis=alt.Axis(values=sizes, format="d"))
-
-
-def _curves(points: pl.DataFrame, x: alt.X, colours: dict[str, str], height: int) -> alt.Chart:
-    """µs against N, both axes logarithmic, a curve a ``who``."""
-    scale = alt.Scale(domain=list(colours), range=list(colours.values()))
-    legend = alt.Legend(orient="top", columns=4)
-    return (
-        alt.Chart(points)
-        .mark_line(point=alt.OverlayMarkDef(size=35), strokeWidth=2)
-        .encode(
-            x=x,
-            y=log_axis(points["value"], "a step (µs)"),
-            color=alt.Color("who:N", title=None, scale=scale, legend=legend),
-        )
-        .properties(width=WIDTH, height=height)
-    )
-
-
-def cost_chart(rows: list[dict[str, Any]]) -> alt.TopLevelMixin:
-    """A step of every contender against N."""
-    points = [{"loops": row["loops"], "value": row["step_us"], "who": who(row["name"])} for row in rows]
-    frame = pl.DataFrame(points).with_columns(pl.col("value").round_sig_figs(4))
-    return _curves(frame, _loops(rows), {who(name): colour for name, colour in _CURVES.items()}, 300)
-
-
-def _parts(rows: list[dict[str, Any]], solver: str) -> pl.DataFrame:
-    """loops, who (what is done), value (µs), share and order of every part; what takes no time is left out."""
-    order = list(PARTS)
+def _ratio_panel(rows: list[dict[str, Any]], title: str, counted: str) -> alt.LayerChart | alt.FacetChart:
     points = [
-        {
-            "loops": row["loops"],
-            "who": PARTS[part],
-            "value": row["parts_us"][part],
-            "share": share,
-            "order": order.index(part),
-        }
+        {"count": row["count"], "value": row["ratio"], "who": row["name"]}
         for row in rows
-        if row["name"] == solver
-        for part, share in shares(row).items()
+        if row["name"] in _COLOURS and not row["left_out"]
     ]
-    return pl.DataFrame(points).with_columns(pl.col("value", "share").round_sig_figs(4))
+    frame = pl.DataFrame(points).with_columns(pl.col("value").round_sig_figs(4))
+    counts = sorted({row["count"] for row in rows})
+    x = alt.X(
+        "count:Q",
+        title=counted,
+        scale=alt.Scale(type="log", domain=[counts[0] / 1.2, counts[-1] * 1.2], nice=False),
+        axis=alt.Axis(values=counts, format="d", grid=False),
+    )
+    low, high = float(frame["value"].min()), float(frame["value"].max())  # pyright: ignore[reportArgumentType]
+    y = alt.Y(
+        "value:Q",
+        title=None,
+        scale=alt.Scale(type="log", domain=[min(0.3, low / 1.1), max(3.0, high * 1.1)], nice=False),
+        axis=alt.Axis(values=list(_TICKS)),
+    )
+    colour = alt.Color(
+        "who:N",
+        title=None,
+        scale=alt.Scale(domain=list(_COLOURS), range=list(_COLOURS.values())),
+        legend=alt.Legend(orient="top", columns=5, symbolType="stroke"),
+    )
+    lines = (
+        alt.Chart(frame).mark_line(point=alt.OverlayMarkDef(size=25), strokeWidth=1.6).encode(x=x, y=y, color=colour)
+    )
+    rule = alt.Chart(pl.DataFrame({"value": [1.0]})).mark_rule(color="#888", strokeDash=[4, 3]).encode(y="value:Q")
+    return alt.layer(rule, lines).properties(width=WIDTH / _PANELS - 45, height=170, title=title)
 
 
-def share_chart(rows: list[dict[str, Any]]) -> alt.TopLevelMixin:
-    """Shares of the parts of an exact step, stacked, a bar a size and a panel a solver."""
+def ratio_chart(growth: dict[str, Any]) -> alt.TopLevelMixin:
+    """A step of every method over one of ``mj_step``, against the size, a panel a family."""
+    panels = [
+        _ratio_panel(of_family(growth["rows"], family["name"]), family["name"], family["counted"])
+        for family in growth["families"]
+    ]
+    return alt.concat(*panels, columns=_PANELS)
+
+
+def share_chart(growth: dict[str, Any]) -> alt.TopLevelMixin:
+    """Shares of the parts of an exact step at the largest size walked, stacked, a bar a family and a panel a solver."""
+    order = list(PARTS)
     scale = alt.Scale(domain=list(PARTS.values()), range=[_SHADES[part] for part in PARTS])
-    legend = alt.Legend(orient="top", columns=4)
-    panels = [
-        alt.Chart(_parts(rows, solver), title=who(solver))
-        .mark_bar()
-        .encode(
-            x=alt.X("loops:O", title="N, four-bars in the chain", axis=alt.Axis(labelAngle=0)),
-            y=alt.Y("share:Q", title="share of a step", axis=alt.Axis(format="%"), scale=alt.Scale(domain=[0, 1])),
-            color=alt.Color("who:N", title=None, scale=scale, legend=legend),
-            order=alt.Order("order:Q"),
+    panels = []
+    for solver in PROFILED:
+        points = [
+            {"model": row["model"], "who": PARTS[part], "share": share, "order": order.index(part)}
+            for family in growth["families"]
+            for row in ends(of_family(growth["rows"], family["name"]), solver)[-1:]
+            for part, share in shares(row).items()
+        ]
+        frame = pl.DataFrame(
+            points, schema={"model": pl.String, "who": pl.String, "share": pl.Float64, "order": pl.Int64}
+        ).with_columns(pl.col("share").round_sig_figs(4))
+        panels.append(
+            alt.Chart(frame, title=f"exact, {solver}")
+            .mark_bar()
+            .encode(
+                y=alt.Y("model:N", title=None, sort=None, axis=alt.Axis(labelLimit=220)),
+                x=alt.X("share:Q", title="share of a step", axis=alt.Axis(format="%"), scale=alt.Scale(domain=[0, 1])),
+                color=alt.Color("who:N", title=None, scale=scale, legend=alt.Legend(orient="top", columns=4)),
+                order=alt.Order("order:Q"),
+            )
+            .properties(width=WIDTH - 220, height=200)
         )
-        .properties(width=WIDTH / 2 - 40, height=280)
-        for solver in SOLVERS
-    ]
-    return alt.hconcat(*panels)
-
-
-def part_chart(rows: list[dict[str, Any]]) -> alt.TopLevelMixin:
-    """Every part of an exact step against N, a panel a solver."""
-    colours = {PARTS[part]: _SHADES[part] for part in PARTS}
-    panels = [
-        _curves(_parts(rows, solver), _loops(rows), colours, 260).properties(title=who(solver)) for solver in SOLVERS
-    ]
     return alt.vconcat(*panels)
 
 
-def draw(rows: list[dict[str, Any]]) -> list[Figure]:
+def ends(rows: list[dict[str, Any]], name: str) -> list[dict[str, Any]]:
+    """The rows of one who walks, in the order of sizes, without those left out: of one family."""
+    return [row for row in rows if row["name"] == name and not row["left_out"]]
+
+
+def draw(growth: dict[str, Any]) -> list[Figure]:
     """The figures of the page."""
     return [
-        Figure("cost", "A step against N, both axes logarithmic: a straight line is a power of N.", cost_chart(rows)),
-        Figure("shares", "Where the time of an exact step goes. Orange is MuJoCo's.", share_chart(rows)),
-        Figure("parts", "The parts of an exact step against N, both axes logarithmic.", part_chart(rows)),
+        Figure(
+            "ratios",
+            "A step over one of bare mj_step (the dashed line), against the size; all axes logarithmic.",
+            ratio_chart(growth),
+        ),
+        Figure(
+            "shares",
+            "Where the time of an exact step goes, at the largest size that was walked. Orange is MuJoCo's.",
+            share_chart(growth),
+        ),
     ]
+
+
+def cost(row: dict[str, Any]) -> str:
+    """A cell of the table of costs: ratios to default and to fastest, and how many solves did not converge."""
+    if row["left_out"]:
+        return "–"
+    said = f"{row['ratio']:.2f} / {row['ratio_to_fastest']:.2f}"
+    return said + (f" ({100 * row['unconverged']:.3g} % unconverged)" if row["unconverged"] else "")
+
+
+def error(row: dict[str, Any] | None, figure: str) -> str:
+    """A cell of a table of errors, with what the method said of it where that is not ``converged``."""
+    if row is None:
+        return "–"
+    said = "not finite" if row[figure] is None else f"{row[figure]:.0e}"
+    if row["rank"] not in (None, row["true_rank"]):
+        said += f", rank {row['rank']}"
+    return said + ("" if row["status"] == "converged" else f", {row['status']}")
+
+
+def error_table(rows: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, dict[str, Any]]]]:
+    """A model and state each, with its rows by method."""
+    keys = dict.fromkeys((row["model"], row["state"]) for row in rows)
+    groups = [[row for row in rows if (row["model"], row["state"]) == key] for key in keys]
+    return [(own[0], {row["name"]: row for row in own}) for own in groups]
+
+
+def memory_table(rows: list[dict[str, Any]]) -> list[tuple[dict[str, Any], dict[str, dict[str, Any]]]]:
+    """A family each, one of its rows and all by who walks."""
+    families = dict.fromkeys(row["family"] for row in rows)
+    groups = [[row for row in rows if row["family"] == family] for family in families]
+    return [(own[0], {row["name"]: row for row in own}) for own in groups]
+
+
+def refusals(rows: list[dict[str, Any]]) -> list[tuple[str, str, dict[str, list[str]]]]:
+    """Each family and model at which methods are left out, with why → which."""
+    found: dict[tuple[str, str], dict[str, list[str]]] = {}
+    for row in rows:
+        if row["left_out"]:
+            key = row["family"], row["model"]
+            found.setdefault(key, {}).setdefault(row["left_out"], []).append(row["name"])
+    return [(*key, why) for key, why in found.items()]
+
+
+def silent_errors(rows: list[dict[str, Any]], figure: str) -> list[dict[str, Any]]:
+    """The rows of errors above ``WRONG`` of methods that said ``converged``, and no wrong rank."""
+    own = [row for row in rows if row["status"] == "converged" and row["rank"] in (None, row["true_rank"])]
+    return [row for row in own if row[figure] is None or row[figure] > WRONG]
 
 
 def write_growth_report(growth: dict[str, Any], occasion: dict[str, Any], target: Path) -> Path:
@@ -144,29 +200,43 @@ def write_growth_report(growth: dict[str, Any], occasion: dict[str, Any], target
         InputError: the target cannot be written.
     """
     rows = growth["rows"]
-    sizes = sorted({row["loops"] for row in rows})
-    table = {loops: {row["name"]: row for row in rows if row["loops"] == loops} for loops in sizes}
-    ends = list(dict.fromkeys([sizes[0], sizes[-1]]))
-    fits = {(row["name"], row["part"]): row for row in growth["exponents"]}
-    drawn = draw(rows)
+    named = {family["name"]: of_family(rows, family["name"]) for family in growth["families"]}
+    symbols = {family.name: family.symbol for family in FAMILIES}
+    drawn = draw(growth)
     text = render(
         "growth.md.j2",
         title=TITLE,
         growth=growth,
-        table=table,
-        fits=fits,
-        sizes=ends,
-        shares={(solver, loops): shares(table[loops][solver]) for solver in SOLVERS for loops in ends},
+        named=named,
+        symbols=symbols,
+        tables={name: by_size(own) for name, own in named.items()},
+        standings={name: standings(own) for name, own in named.items()},
+        fits={(row["family"], row["name"], row["part"]): row for row in growth["exponents"]},
         figures={figure.name: figure for figure in drawn},
-        contenders=(BARE, *SOLVERS),
+        refusals=refusals(rows),
+        errors=error_table(growth["errors"]),
+        wrong=WRONG,
+        wrong_ones={what: silent_errors(growth["errors"], what) for what in ("acceleration", "multipliers")},
+        memory=memory_table(growth["memory"]),
+        ends=ends,
+        shares=shares,
+        cost=cost,
+        error=error,
         solvers=SOLVERS,
+        profiled=PROFILED,
         parts=PARTS,
+        own_parts=OWN_PARTS,
         bare=BARE,
+        fastest=FASTEST,
         step=STEP,
         many=MANY,
-        named=NAMED,
-        who=who,
-        in_words=in_words,
+        lead=LEAD,
+        paper=PAPER,
+        tie=TIE,
+        answered=ANSWERED,
+        walkers=WALKERS,
+        verdicts=(WINS, TIES, LOSES),
+        silent=NONE,
     )
     for figure in drawn:
         write_text(target / "figures" / f"{figure.name}.svg", figure.svg())

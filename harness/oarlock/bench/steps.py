@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from oarlock.base import core
 from oarlock.base.errors import InputError
@@ -40,42 +41,68 @@ _SWITCHES = {
     ", no islands": {"islands": False},
     ", no islands, no timers": {"islands": False, "timers": False},
 }
+SETTINGS = {
+    f"{BARE}, {name} Jacobian{without}": (jacobian, switches)
+    for name, jacobian in _JACOBIANS.items()
+    if name != "auto"
+    for without, switches in _SWITCHES.items()
+}
+"""Setting of MuJoCo → its Jacobian, and whether it has islands and timers where that is not as usual."""
+
 _APART, _TOGETHER = ", one after another", ", on all cores"
 _ISLANDS_OFF = mujoco.mjtDisableBit.mjDSBL_ISLAND
 
 Contender = Callable[[], float]
 """Does what is to be timed once and gives the time of a step, s."""
 
+Runs = Callable[[int], core.Run]
+"""Makes a run of so many steps."""
+
+Start = Callable[[mujoco.MjModel], tuple[np.ndarray, np.ndarray]]
+"""Gives positions (nq) and velocities (nv) of a model."""
+
 
 class Track:
     """A model with what is timed on it, by explicit Euler: a step is one solve.
+
+    Args:
+        name: of a model that comes with the package, with its parameters.
+        steps: so many a walk takes.
+        start: positions (nq) and velocities (nv) of a closed state of the model to begin from; the case's, if left out.
+
+    Attributes:
+        rank: of the rows, as the case says; None where it does not.
+        terms: Baumgarte's of the case.
+        steps: so many a walk takes.
 
     Raises:
         InputError: the native path cannot be taken, or there is no such model.
     """
 
-    def __init__(self, name: str, steps: int):
+    def __init__(self, name: str, steps: int, start: Start | None = None):
         if native_path.refusal():
             raise InputError(f"no native stepping: {native_path.refusal()}")
         case = load_case(name)
         timestep_s = case.file.run.timestep_s or 1e-3
+        rank = case.expected().get("rank")
+        self.rank = rank if isinstance(rank, int) else None
         self._laboratory = Laboratory(case, Conditions(duration_s=steps * timestep_s))
-        self._terms = case.file.baumgarte
+        self._start = start
+        self.terms = case.file.baumgarte
         self.steps = steps
 
     @property
     def model(self) -> mujoco.MjModel:
         """The model as it walks, its Jacobian left to MuJoCo."""
-        return self._setup(_JACOBIANS["auto"]).model
+        return self.prepared().model
+
+    def prepared(self) -> PreparedCase:
+        """The same with where it starts and what drives it."""
+        return self._setup(_JACOBIANS["auto"])
 
     def contenders(self) -> dict[str, Contender]:
         """All that a table of steps compares, by name."""
-        bare = {
-            f"{BARE}, {name} Jacobian{without}": self.bare(jacobian, **switches)
-            for name, jacobian in _JACOBIANS.items()
-            if name != "auto"
-            for without, switches in _SWITCHES.items()
-        }
+        bare = {name: self.bare(jacobian, **switches) for name, (jacobian, switches) in SETTINGS.items()}
         exact = {f"exact free run, {solver}": self.free(solver) for solver in ("auto", "sr1-tracked")}
         return {
             BARE: self.bare(),
@@ -89,13 +116,15 @@ class Track:
 
     def _setup(self, jacobian: mujoco.mjtJacobian = _JACOBIANS["dense"], islands: bool = True) -> PreparedCase:
         setup = self._laboratory.setup("euler")
+        if self._start is not None:
+            setup.qpos, setup.qvel = self._start(setup.model)
         setup.model.opt.jacobian = jacobian
         if not islands:
             setup.model.opt.disableflags |= _ISLANDS_OFF
         return setup
 
     def _path(self, setup: PreparedCase) -> NativePath:
-        return NativePath(setup, self._terms, self._make)
+        return NativePath(setup, self.terms, self._make)
 
     def _make(self, spec: SolverSpec) -> core.MultiplierSolver:
         return spec.with_defaults(rank_cut=self._laboratory.case.file.rank_cut).make()
@@ -104,33 +133,42 @@ class Track:
         self, jacobian: mujoco.mjtJacobian = _JACOBIANS["auto"], islands: bool = True, timers: bool = True
     ) -> Contender:
         """``mj_step`` alone."""
-        core = self._path(self._setup(jacobian, islands)).core
-        return lambda: self._timed(partial(core.bare(self.steps).walk, timers))
+        runs = self.bare_runs(jacobian, islands)
+        return lambda: self._timed(partial(runs(self.steps).walk, timers))
+
+    def bare_runs(self, jacobian: mujoco.mjtJacobian = _JACOBIANS["auto"], islands: bool = True) -> Runs:
+        """Runs of ``mj_step`` alone."""
+        return self._path(self._setup(jacobian, islands)).core.bare
 
     def free(self, solver: str) -> Contender:
         """A free run on exact constraints, nothing recorded."""
-        make = self._exact(solver)
-        return lambda: self._timed(make().walk)
+        runs = self.free_runs(solver)
+        return lambda: self._timed(runs(self.steps).walk)
 
     def walked(self, solver: str) -> core.Run:
         """The same, at its end."""
-        run = self._exact(solver)()
+        run = self.free_runs(solver)(self.steps)
         run.walk()
         return run
 
-    def _exact(self, solver: str) -> Callable[[], core.Run]:
+    def free_runs(self, solver: str) -> Runs:
+        """Free runs on exact constraints."""
         core = self._path(self._setup()).core
-        own = self._make(SolverSpec(solver))
-        return lambda: core.free_solved(self.steps, "hard", own)
+        own = self.solver(solver)
+        return lambda steps: core.free_solved(steps, "hard", own)
+
+    def solver(self, name: str) -> core.MultiplierSolver:
+        """A new solver, with the rank cut of the case."""
+        return self._make(SolverSpec(name))
 
     def profile(self, solver: str) -> Callable[[], dict[str, Any]]:
         """The same walk with looks at the clock between the parts of a step: what ``Setup.profile`` says of it."""
-        core, own = self._path(self._setup()).core, self._make(SolverSpec(solver))
+        core, own = self._path(self._setup()).core, self.solver(solver)
         return lambda: core.profile(self.steps, own)
 
     def _lockstep(self) -> Contender:
         core = self._path(self._setup()).core
-        own = self._make(SolverSpec("sr1-tracked"))
+        own = self.solver("sr1-tracked")
 
         def once() -> float:
             run = core.lockstep(self.steps, [("hard", [own])])
@@ -139,18 +177,17 @@ class Track:
         return once
 
     def _python(self) -> Contender:
-        path = PythonPath(self._setup(), self._terms, self._make)
+        path = PythonPath(self._setup(), self.terms, self._make)
         tracked = (SolverSpec("sr1-tracked"),)
         return lambda: self._timed(lambda: path.lockstep(SolverSpec(MUJOCO), None, ("hard",), tracked))
 
     def _recorded(self) -> Callable[[], core.Run]:
-        core = self._path(self._setup()).core
-        own = self._make(SolverSpec("auto"))
-        return lambda: core.free_solved(self.steps, "hard", own)
+        runs = self.free_runs("auto")
+        return lambda: runs(self.steps)
 
     def _bare(self) -> Callable[[], core.Run]:
-        core = self._path(self._setup(_JACOBIANS["auto"])).core
-        return lambda: core.bare(self.steps)
+        runs = self.bare_runs()
+        return lambda: runs(self.steps)
 
     def _many(self, name: str, make: Callable[[], core.Run]) -> dict[str, Contender]:
         """Runs one after another and on all cores. Those of ``mj_step`` say what the machine allows."""

@@ -22,24 +22,31 @@ def bench(
     ] = None,
     with_growth: Annotated[
         bool,
-        typer.Option("--growth", help="Growth only: a step and its parts against the number of loops."),
+        typer.Option("--growth", help="Growth only: a step and its parts against the number of loops, for minutes."),
     ] = False,
     growth_report: Annotated[
         Path | None, typer.Option("--growth-report", metavar="DIR", help="The same, and its page in a folder.")
     ] = None,
+    family: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Growth only: of this family; may be repeated.")
+    ] = None,
+    budget: Annotated[
+        float,
+        typer.Option(metavar="S", help="Growth: a walk that would take longer, in s, is left out, and said to be."),
+    ] = 1.0,
     rounds: Annotated[int, typer.Option(min=1, help="Interleaved rounds, of which the median counts.")] = 9,
     as_json: JsonOption = None,
 ) -> None:
     """Times solvers beside the pseudo-inverses of Rust's libraries, and steps beside mj_step, as ratios of one run.
 
-    With --growth also how the cost of a step grows with the size of a mechanism, and where its time goes.
+    With --growth how the cost of a step grows with the size of a mechanism for every method, where its time goes, how
+    far answers are from exact ones, and how much memory walks take.
     """
-    from oarlock.bench import growth
     from oarlock.bench import solvers as benchmark
     from oarlock.bench import steps as stepping_bench
 
     rows, steps, grown = [], [], None
-    growing = with_growth or growth_report is not None
+    growing = with_growth or growth_report is not None or bool(family)
     everything = not (size or model or growing)
     for table in benchmark.bench(size, rounds) if size or everything else ():
         rows += table
@@ -50,7 +57,7 @@ def bench(
         if as_json != "-":
             _print_stepping_bench(table)
     if growing:
-        grown = growth.bench_growth(rounds=rounds)
+        grown = _measured(family, rounds, budget)
         if as_json != "-":
             _print_growth(grown)
     document = benchmark.document(rows, steps, grown)
@@ -62,22 +69,36 @@ def bench(
         say(f"oarlock: written: {write_growth_report(grown, document['provenance'], growth_report) / 'README.md'}")
 
 
-def _print_growth(grown: dict[str, Any]) -> None:
-    from oarlock.bench.growth import PARTS, STEP
+def _measured(family: list[str] | None, rounds: int, budget_s: float) -> dict[str, Any]:
+    from oarlock.base.errors import InputError
+    from oarlock.bench.budget import Budget
+    from oarlock.bench.families import families
+    from oarlock.bench.measurement import measure
+    from oarlock.cli.bar import bar
 
-    fits = {(row["name"], row["part"]): row for row in grown["exponents"]}
-    for name in dict.fromkeys(row["name"] for row in grown["rows"]):
-        own = [row for row in grown["rows"] if row["name"] == name]
-        table = Table(box=None, header_style="bold", pad_edge=False, title=name, title_justify="left")
-        table.add_column("µs a step", no_wrap=True)
-        for title in (*(f"N = {row['loops']}" for row in own), "exponent", "of many loops"):
-            table.add_column(title, justify="right", no_wrap=True)
-        costs = {STEP: [row["step_us"] for row in own]}
-        costs |= {part: [row["parts_us"][part] for row in own] for part in own[0]["parts_us"]}
-        for part, values in costs.items():
-            fit = fits[(name, part)]
-            cells = [short(value) for value in (*values, fit["all"], fit["many"])]
-            table.add_row(PARTS.get(part, f"whole {part}"), *cells)
+    if not 0 < budget_s < float("inf"):
+        raise InputError(f"budget = {budget_s} s, expected a positive number")
+    with bar() as progress:
+        return measure(families(family), rounds, Budget(budget_s), progress)
+
+
+def _print_growth(grown: dict[str, Any]) -> None:
+    from oarlock.bench.growth import FASTEST, SOLVERS, STEP
+    from oarlock.bench.standings import by_size, of_family
+    from oarlock.bench.steps import BARE
+
+    fits = {(row["family"], row["name"], row["part"]): row for row in grown["exponents"]}
+    for family in grown["families"]:
+        title = f"{family['name']}: {family['title']}; ratios to {BARE}"
+        table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left")
+        table.add_column("model", no_wrap=True)
+        for name in (BARE, FASTEST, *SOLVERS):
+            table.add_column(name.removeprefix(f"{BARE} at "), justify="right", no_wrap=True)
+        for own in by_size(of_family(grown["rows"], family["name"])).values():
+            ratios = [short(own[name]["ratio"]) for name in (FASTEST, *SOLVERS)]
+            table.add_row(own[BARE]["model"], f"{short(own[BARE]['step_us'])} µs", *ratios)
+        powers = [short(fits[(family["name"], name, STEP)]["all"]) for name in (BARE, FASTEST, *SOLVERS)]
+        table.add_row("exponent", *powers)
         (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
 
 
