@@ -418,7 +418,9 @@ impl Solver for Primal {
         if let Some(info) = self.factor.solve(problem, x) {
             return Ok(info);
         }
-        self.dense.solve(problem, x).map(|info| Info { fallbacks: 1, ..info })
+        // A step that is given dense is no event.
+        let fallbacks = usize::from(problem.sparse.is_some());
+        self.dense.solve(problem, x).map(|info| Info { fallbacks, ..info })
     }
 
     fn reset(&mut self) {
