@@ -11,6 +11,10 @@ use oarlock_core::{
     ConstrainedSystem, Group, Inequalities, InequalityStep, MultiplierSolver, Options, SOLVERS, Wanted,
 };
 
+#[path = "core/support/tree.rs"]
+#[allow(dead_code)]
+mod tree;
+
 thread_local! {
     /// Allocations of this thread; the test harness's own threads do not count.
     static COUNT: Cell<usize> = const { Cell::new(0) };
@@ -78,6 +82,24 @@ fn no_solver_allocates_after_its_set_up() {
             "allocations of {} anew",
             kind.name
         );
+    }
+}
+
+#[test]
+fn sparse_steps_are_solved_without_allocating() {
+    let shape = tree::Shape { nv: 30, spread: 4, loops: 9, sums: 2, copies: 3, consistent: true };
+    let steps: Vec<_> = (0..20).map(|k| tree::TreeStep::random(7, shape, 1e-3 * f64::from(k))).collect();
+    for name in ["auto", "primal", "dual"] {
+        let mut solver = oarlock_core::make_solver(name, &Options::new()).expect(name);
+        let (mut system, mut x) = (ConstrainedSystem::new(), [0.0; 14]);
+        let mut walk = |steps: &[tree::TreeStep]| {
+            for step in steps {
+                system.assemble_sparse(&step.sparse()).expect("a good step");
+                black_box(system.solve(&mut *solver, Wanted::Multipliers, &mut x).expect("a good system"));
+            }
+        };
+        walk(&steps[..2]);
+        assert_eq!(allocations(|| walk(&steps[2..])), 0, "allocations of {name}");
     }
 }
 

@@ -255,8 +255,8 @@ impl Factor {
         if known {
             return None;
         }
-        let above = std::mem::take(&mut self.positive);
-        let same = self.count(cut / CLEAR).is_some() && self.positive == above;
+        self.expected.copy_from_slice(&self.positive);
+        let same = self.count(cut / CLEAR).is_some() && self.positive == self.expected;
         if !same || self.count(CLEAR * cut).is_none() {
             return None;
         }
