@@ -86,7 +86,7 @@
 //!
 //! | you want | take |
 //! |---|---|
-//! | the multipliers of a step, fast and minimum-norm | `auto`: direct, no state, the same answer whatever came before |
+//! | the multipliers of a step, fast and minimum-norm | `auto`: direct, the same answer but for rounding whatever came before |
 //! | a second opinion, or ranks near the cut | `pinv`; along a trajectory `pinv-tracked`; a third one `svd` |
 //! | the paper's method as published, with its iteration counts | `sr1`; its multipliers are not the minimum-norm ones |
 //! | the paper's idea with minimum norm: 0.2 to 2 iterations a step, A never formed | `sr1-tracked` |

@@ -87,7 +87,8 @@ impl Params for PrimalParams {
     }
 }
 
-/// The factor and its workspace; nothing is carried from step to step but patterns.
+/// The factor and its workspace. Carried from step to step are patterns and, for [`AGE`] solves, the largest eigenvalues, which place τ:
+/// what came before can change last bits.
 #[derive(Clone)]
 pub(crate) struct Factor {
     rank_cut: f64,
