@@ -83,8 +83,22 @@ impl Judges {
 /// Name of the judge of a solver.
 fn judge_of(solver: &str) -> &'static str {
     match solver {
-        "auto" | "cholesky" => "pinv",
+        "auto" | "cholesky" | "dual" | "primal" => "pinv",
         "pinv" | "pinv-tracked" => "svd",
         _ => "auto",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_solver_is_judged_by_itself_or_by_what_it_is_a_part_of() {
+        let parts = ["auto", "cholesky", "dual", "primal", "pinv"];
+        for name in parts {
+            assert!(judge_of(name) != name && judge_of(name) != "auto", "{name} by {}", judge_of(name));
+        }
+        assert_eq!([judge_of("sr1-tracked"), judge_of("cg"), judge_of("pinv")], ["auto", "auto", "svd"]);
     }
 }
