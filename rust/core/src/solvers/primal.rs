@@ -16,7 +16,7 @@
 //! ```
 //!
 //! lose a part of τ/(σ − τ) of the error a step, some seven digits. x in range(J) is of least norm, and Jᵀ leaves out what of b no x can
-//! reach. Rows that stand open have a little of what is redundant in their range: there b is filtered first. A is never formed.
+//! reach. A is never formed.
 //!
 //! P is the matrix of MuJoCo's own primal solver, M + Jᵀ D J, with the other sign of M. The augmented Lagrangian of Hestenes and Powell
 //! (1969) has `M + JᵀJ/ε`; its sign says nothing of the rank. Redundancy that no folding takes away, which makes A singular,
@@ -51,7 +51,8 @@ const CLOSED: f64 = 1e-13;
 /// Difference between Jᵀ x and M δ, relative to them, at which they are the same but for rounding.
 const BALANCED: f64 = 1e-11;
 
-/// Rows that stand open by no more, relative to what they turn on, give redundant rows eigenvalues of 1e-20, which do no harm.
+/// Rows that stand open by no more, relative to what they turn on, give redundant rows eigenvalues of 1e-20, which do no harm. Beyond it
+/// some of what is to be dropped would come back as σ/τ² times b: eigenvalues drop it.
 const CLOSED_ROWS: f64 = 1e-10;
 
 /// Size of a correction, relative to the first, that the next one is expected to have when no more are made.
@@ -158,6 +159,9 @@ impl Factor {
     /// Solves a sparse step of hard rows into x (`n`); `None` where the rank is not clear, or refinement does not converge.
     pub(crate) fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
         let sparse = problem.sparse.filter(|sparse| sparse.plan.is_some() && problem.softness.is_none())?;
+        if problem.blocks.ceiling() < problem.rhs.len() && problem.blocks.widest_gap() > CLOSED_ROWS {
+            return None;
+        }
         self.plan.take(sparse);
         let (n, nv) = (self.plan.rows(), self.plan.ldl.len());
         for vector in [&mut self.target, &mut self.residual, &mut self.image, &mut self.once] {
@@ -173,8 +177,7 @@ impl Factor {
             (self.scaled_for, self.age) = (sparse.plan, 0);
         }
         let rank = self.find_rank(problem)?;
-        let open = rank < n && problem.blocks.widest_gap() > CLOSED_ROWS;
-        let info = self.refine(problem.rhs, open, x)?;
+        let info = self.refine(problem.rhs, x)?;
         Some(Info { rank: Some(rank), ..info })
     }
 
@@ -280,7 +283,7 @@ impl Factor {
     }
 
     /// x = A⁺ b by refinement from 0.
-    fn refine(&mut self, rhs: &[f64], open: bool, x: &mut [f64]) -> Option<Info> {
+    fn refine(&mut self, rhs: &[f64], x: &mut [f64]) -> Option<Info> {
         let size = norm(rhs);
         for vector in [&mut *x, &mut self.acceleration, &mut self.push, &mut self.pull] {
             vector.fill(0.0);
@@ -290,8 +293,7 @@ impl Factor {
         }
         self.target.copy_from_slice(rhs);
         self.residual.copy_from_slice(rhs);
-        let (mut first, mut before, mut smaller) = (0.0, f64::INFINITY, false);
-        let mut left_before = if open { self.leave_out() } else { size };
+        let (mut first, mut before, mut left_before, mut smaller) = (0.0, f64::INFINITY, size, false);
         for step in 0..STEPS {
             let correction = self.correct(x);
             let Self { target, residual, image, push, pull, .. } = self;
@@ -359,7 +361,7 @@ impl Factor {
 
     /// Takes what no x can reach out of b and of the residual; gives the norm of the rest.
     ///
-    /// F = J P⁻¹ Jᵀ is 1 + τ/σ where an eigenvalue counts, and −σ/τ where open rows leave a small one; F² (3 − 2 F) squares both
+    /// F = J P⁻¹ Jᵀ is 1 + τ/σ where an eigenvalue counts, and −σ/τ of one that does not; F² (3 − 2 F) squares both
     /// errors.
     fn leave_out(&mut self) -> f64 {
         let Self { plan, target, residual, image, once, force, .. } = self;

@@ -167,6 +167,31 @@ fn loops_on_trees_of_their_own_are_blocks_of_their_own() {
     }
 }
 
+#[test]
+fn redundant_rows_that_stand_open_are_dropped_as_eigenvalues_drop_them() {
+    let shape = Shape { nv: 40, spread: 3, loops: 12, sums: 4, copies: 0, consistent: true };
+    for (seed, gap) in (0..40).flat_map(|seed| [1e-9, 1e-8, 1e-7, 1e-6, 1e-5].map(|gap| (seed, gap))) {
+        let closed = TreeStep::random(seed, shape, 0.0);
+        let open = closed.clone().opened(4, gap);
+        let [answer, expected] = ["auto", "pinv"].map(|name| {
+            let (mut system, mut solver) = (ConstrainedSystem::new(), solver(name));
+            let mut solve_at = |step: &TreeStep, gap: f64| {
+                system.hold_rank(&[gap; 16]);
+                system.assemble_sparse(&step.sparse()).expect("good");
+                solve(&mut *solver, &mut system)
+            };
+            solve_at(&closed, 1e-15);
+            solve_at(&open, gap)
+        });
+        assert_eq!(answer.1.rank, expected.1.rank, "{seed}, {gap}");
+        assert_within(
+            &format!("λ, {seed}, {gap}"),
+            (&answer.0 - &expected.0).norm(),
+            SOLVED * expected.0.norm(),
+        );
+    }
+}
+
 /// A chain of two links whose end is held: stretched at φ = 0, where a row vanishes against the others.
 fn stretched(angle: f64) -> (Vec<f64>, Vec<f64>) {
     let (sin, cos) = angle.sin_cos();

@@ -130,6 +130,22 @@ impl TreeStep {
         step
     }
 
+    /// The same with its last `count` rows turned by about `gap`, as loops that stand open turn what is redundant.
+    #[must_use]
+    pub fn opened(mut self, count: usize, gap: f64) -> Self {
+        let n = self.jacobian.nrows();
+        for row in n - count..n {
+            let mut turned = 1.0;
+            for entry in self.jacobian.row_mut(row).iter_mut().filter(|entry| **entry != 0.0) {
+                *entry *= 1.0 + gap * turned;
+                turned *= -0.7;
+            }
+        }
+        self.flat = self.jacobian.transpose().as_slice().to_vec();
+        self.rows = compressed(&self.jacobian);
+        self
+    }
+
     /// It as it is, J compressed.
     #[must_use]
     pub fn sparse(&self) -> SparseStep<'_> {
