@@ -1,5 +1,6 @@
 //! Linear algebra on flat slices: products of small matrices, reflections, sparse rows and symmetric factors.
 
+pub(crate) mod forest;
 pub(crate) mod kernels;
 pub(crate) mod ldl;
 pub(crate) mod reflections;

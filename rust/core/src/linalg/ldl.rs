@@ -35,9 +35,9 @@ pub(crate) struct SparseLdl {
     work: Vec<f64>,
 }
 
-/// Number of a row as it is kept: half the memory of a `usize`.
-#[allow(clippy::cast_possible_truncation)] // nobody has as many rows
-fn short(number: usize) -> u32 {
+/// A place in an array as it is kept where there are many: half the memory of a `usize`.
+#[allow(clippy::cast_possible_truncation)] // nobody has as many
+pub(crate) fn short(number: usize) -> u32 {
     number as u32
 }
 

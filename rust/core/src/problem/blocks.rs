@@ -10,6 +10,7 @@
 //! eigenvalue beyond it counts only once it exceeds what the gap explains ([`DRIFT`]), which is an event. Below it the
 //! cut decides as ever, for a mechanism that passes through a singular pose does lose rank.
 
+use crate::linalg::forest::{join, root};
 use crate::linalg::kernels::largest;
 use crate::problem::fold::FOLD_TOLERANCE;
 
@@ -412,21 +413,6 @@ enum Home {
     Nowhere,
     Block(usize),
     Several,
-}
-
-fn root(parents: &mut [usize], mut row: usize) -> usize {
-    while parents[row] != row {
-        parents[row] = parents[parents[row]];
-        row = parents[row];
-    }
-    row
-}
-
-/// Joins two sets; the root is the first row of both.
-fn join(parents: &mut [usize], row: usize, other: usize) {
-    let (row, other) = (root(parents, row), root(parents, other));
-    let (first, second) = (row.min(other), row.max(other));
-    parents[second] = first;
 }
 
 #[cfg(test)]

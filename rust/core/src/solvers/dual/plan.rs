@@ -1,6 +1,6 @@
 //! Where the entries of W = H Jᵀ and of A = Wᵀ W lie, and what they are computed from.
 
-use crate::linalg::ldl::SparseLdl;
+use crate::linalg::ldl::{SparseLdl, short};
 use crate::problem::whitened::Sparse;
 
 /// The patterns of one mechanism; numbers are filled in every step.
@@ -21,11 +21,6 @@ pub(super) struct Plan {
     products: Vec<(u32, u32, u32)>,
     /// Places of the rows, in the order of elimination.
     pub(super) places: Vec<u32>,
-}
-
-#[allow(clippy::cast_possible_truncation)] // nobody has as many entries
-fn short(number: usize) -> u32 {
-    number as u32
 }
 
 impl Plan {

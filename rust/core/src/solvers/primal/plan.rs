@@ -1,6 +1,7 @@
 //! Where the entries of `P = JᵀJ − τM` lie, and what is computed with J and M in the order of its elimination.
 
-use crate::linalg::ldl::SparseLdl;
+use crate::linalg::forest::{join, root};
+use crate::linalg::ldl::{SparseLdl, short};
 use crate::problem::whitened::Sparse;
 
 /// The patterns of one mechanism; numbers are filled in every step. Vectors of velocities are in the order of elimination.
@@ -183,22 +184,4 @@ impl Plan {
             x[self.ldl.place(velocity)] = *entry;
         }
     }
-}
-
-#[allow(clippy::cast_possible_truncation)] // nobody has as many velocities
-fn short(number: usize) -> u32 {
-    number as u32
-}
-
-fn root(parents: &mut [usize], mut at: usize) -> usize {
-    while parents[at] != at {
-        parents[at] = parents[parents[at]];
-        at = parents[at];
-    }
-    at
-}
-
-fn join(parents: &mut [usize], a: usize, b: usize) {
-    let (a, b) = (root(parents, a), root(parents, b));
-    parents[a.max(b)] = a.min(b);
 }
