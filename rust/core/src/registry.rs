@@ -14,6 +14,7 @@ use crate::solvers::primal::Primal;
 use crate::solvers::quasi_newton::{Bfgs, Dfp, QuasiNewton, Sr1Update};
 use crate::solvers::regularised::Regularised;
 use crate::solvers::solver::{MultiplierSolver, Solver};
+use crate::solvers::sparse::Sparse;
 use crate::solvers::sr1::Sr1;
 use crate::solvers::svd::Svd;
 use crate::solvers::tracked::Tracked;
@@ -53,8 +54,8 @@ pub static SOLVERS: &[SolverKind] = &[
     SolverKind::of::<PinvTracked>(),
     SolverKind::of::<Svd>(),
     SolverKind::of::<Cholesky>(),
-    SolverKind::of::<Dual>(),
-    SolverKind::of::<Primal>(),
+    SolverKind::of::<Sparse<Dual>>(),
+    SolverKind::of::<Sparse<Primal>>(),
     SolverKind::of::<Regularised>(),
     SolverKind::of::<Krylov<Cg>>(),
     SolverKind::of::<Krylov<Minres>>(),

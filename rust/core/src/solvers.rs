@@ -10,7 +10,7 @@
 //! | [`pinv_tracked`] | `pinv-tracked`: the same to rounding, from eigenvectors refined from step to step |
 //! | [`svd`] | `svd`: a second reference, from the singular values of L⁻¹Jᵀ |
 //! | [`cholesky`] | `cholesky`: rank-revealing, minimum norm through a basis of the null space |
-//! | [`dual`] | `dual`: a sparse factor of A, where it is clearly of full rank |
+//! | [`dual`] | `dual`: a sparse factor of A, where it is clearly of full rank, in the frame of [`sparse`] |
 //! | [`primal`] | `primal`: a sparse factor of `JᵀJ − τM`, refined; the rank from its inertia |
 //! | [`regularised`] | `cholesky-regularised`: Cholesky of A + ε E with proximal steps |
 //! | [`cg`], [`minres`] | `cg`, `minres`: conjugate gradients and minimum residuals, in the frame of [`krylov`] |
@@ -33,6 +33,7 @@ pub mod primal;
 pub mod quasi_newton;
 pub mod regularised;
 pub mod solver;
+pub mod sparse;
 pub mod sr1;
 pub mod svd;
 pub mod tracked;

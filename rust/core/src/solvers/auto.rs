@@ -15,10 +15,12 @@ use crate::params::{Params, Reader};
 use crate::problem::{Needs, Problem};
 use crate::solvers::cholesky::found::Found;
 use crate::solvers::cholesky::{Cholesky, CholeskyParams};
+use crate::solvers::dual::Dual;
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::pinv::{Pinv, PinvParams};
+use crate::solvers::primal::Primal;
 use crate::solvers::solver::{Solver, State};
-use crate::solvers::{dual, primal};
+use crate::solvers::sparse::SparseFactor;
 
 /// Residual in the least-squares sense, relative to b, above which the fast solver is not believed: a direct solve of a
 /// system with a condition of up to 1e8 leaves 1e-8.
@@ -82,8 +84,8 @@ impl Params for AutoParams {
 pub struct Auto {
     rank_cut: f64,
     fast: Cholesky,
-    dual: dual::Factor,
-    primal: primal::Factor,
+    dual: Dual,
+    primal: Primal,
     /// The cheapest for the patterns at hand.
     method: Method,
     chosen_for: Option<u64>,
@@ -151,8 +153,8 @@ impl Solver for Auto {
         Self {
             rank_cut,
             fast: Cholesky::new(CholeskyParams { rank_cut }),
-            dual: dual::Factor::new(rank_cut),
-            primal: primal::Factor::new(rank_cut),
+            dual: Dual::new(rank_cut),
+            primal: Primal::new(rank_cut),
             method: Method::Dense,
             chosen_for: None,
             safe: Pinv::new(PinvParams { rank_cut }),

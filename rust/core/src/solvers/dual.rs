@@ -11,15 +11,11 @@
 mod plan;
 
 use self::plan::Plan;
-use crate::error::{Error, check_len};
 use crate::info::Info;
 use crate::linalg::kernels::norm;
-use crate::params::{Params, Reader};
+use crate::problem::Problem;
 use crate::problem::whitened::Sparse;
-use crate::problem::{Needs, Problem};
-use crate::solvers::cholesky::{Cholesky, CholeskyParams};
-use crate::solvers::eigen::RANK_CUT;
-use crate::solvers::solver::{Solver, State};
+use crate::solvers::sparse::SparseFactor;
 
 /// τ is this many times the cut, as a part of the largest entry of the diagonal: the largest eigenvalue of a block exceeds it by a
 /// factor that grows with how many rows meet, not with how many there are.
@@ -34,24 +30,9 @@ const ACCEPTED: f64 = 1e-10;
 /// Refinements that are made at most.
 const STEPS: usize = 8;
 
-/// Parameters of [`Dual`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DualParams {
-    /// Eigenvalues below this part of the largest count as zero; in [0, 1). See [`RANK_CUT`].
-    pub rank_cut: f64,
-}
-
-impl Params for DualParams {
-    const SOLVER: &'static str = "dual";
-
-    fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
-        Ok(Self { rank_cut: reader.fraction("rank_cut", RANK_CUT)? })
-    }
-}
-
 /// The factor and its workspace; nothing is carried from step to step but patterns.
 #[derive(Clone)]
-pub(crate) struct Factor {
+pub struct Dual {
     rank_cut: f64,
     plan: Plan,
     /// τ of each row, in the order of elimination, as all vectors here.
@@ -62,8 +43,11 @@ pub(crate) struct Factor {
     image: Vec<f64>,
 }
 
-impl Factor {
-    pub(crate) fn new(rank_cut: f64) -> Self {
+impl SparseFactor for Dual {
+    const NAME: &'static str = "dual";
+    const SUMMARY: &'static str = "sparse Cholesky: many independent loops on short trees";
+
+    fn new(rank_cut: f64) -> Self {
         let none = Vec::new;
         Self {
             rank_cut,
@@ -76,17 +60,7 @@ impl Factor {
         }
     }
 
-    /// Multiplications that a solve of this step takes, about; `None` where they are more than `most`.
-    pub(crate) fn work_up_to(&mut self, sparse: Sparse<'_>, most: usize) -> Option<usize> {
-        if Plan::least_work(sparse) > most {
-            return None;
-        }
-        self.plan.plan(sparse);
-        Some(self.plan.work()).filter(|work| *work <= most)
-    }
-
-    /// Solves a sparse step into x (`n`); `None` where A is not clearly of full rank, or refinement does not converge.
-    pub(crate) fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
         let sparse = problem.sparse.filter(|sparse| sparse.plan.is_some())?;
         if problem.blocks.ceiling() < problem.rhs.len() {
             return None;
@@ -120,6 +94,17 @@ impl Factor {
             null_residual: Some(0.0),
             ..Info::trivial(0.0)
         })
+    }
+}
+
+impl Dual {
+    /// Multiplications that a solve of this step takes, about; `None` where they are more than `most`.
+    pub(crate) fn work_up_to(&mut self, sparse: Sparse<'_>, most: usize) -> Option<usize> {
+        if Plan::least_work(sparse) > most {
+            return None;
+        }
+        self.plan.plan(sparse);
+        Some(self.plan.work()).filter(|work| *work <= most)
     }
 
     /// τ of each row.
@@ -177,50 +162,5 @@ impl Factor {
             before = left;
         }
         (before <= ACCEPTED).then_some(before)
-    }
-}
-
-/// The sparse factor, and rank-revealing Cholesky where a step is given dense or its rows are not clearly independent.
-#[derive(Clone)]
-pub struct Dual {
-    params: DualParams,
-    factor: Factor,
-    dense: Cholesky,
-}
-
-impl Solver for Dual {
-    type Params = DualParams;
-    const SUMMARY: &'static str = "sparse Cholesky: many independent loops on short trees";
-    const NEEDS: Needs = Needs::Sparse;
-
-    fn rank_cut(&self) -> Option<f64> {
-        Some(self.params.rank_cut)
-    }
-
-    fn new(params: DualParams) -> Self {
-        let DualParams { rank_cut } = params;
-        Self { params, factor: Factor::new(rank_cut), dense: Cholesky::new(CholeskyParams { rank_cut }) }
-    }
-
-    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
-        check_len("x", x.len(), &[problem.len()])?;
-        if let Some(info) = self.factor.solve(problem, x) {
-            return Ok(info);
-        }
-        // A step that is given dense is no event.
-        let fallbacks = usize::from(problem.sparse.is_some());
-        self.dense.solve(problem, x).map(|info| Info { fallbacks, ..info })
-    }
-
-    fn reset(&mut self) {
-        Solver::reset(&mut self.dense);
-    }
-
-    fn state(&self) -> State {
-        self.dense.save(DualParams::SOLVER)
-    }
-
-    fn restore(&mut self, state: &State) -> Result<(), Error> {
-        self.dense.load(state, DualParams::SOLVER)
     }
 }

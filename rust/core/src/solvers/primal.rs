@@ -25,15 +25,11 @@
 mod plan;
 
 use self::plan::Plan;
-use crate::error::{Error, check_len};
 use crate::info::Info;
 use crate::linalg::kernels::norm;
-use crate::params::{Params, Reader};
+use crate::problem::Problem;
 use crate::problem::whitened::Sparse;
-use crate::problem::{Needs, Problem};
-use crate::solvers::cholesky::{Cholesky, CholeskyParams};
-use crate::solvers::eigen::RANK_CUT;
-use crate::solvers::solver::{Solver, State};
+use crate::solvers::sparse::SparseFactor;
 
 /// τ is this many times the cut: the largest eigenvalue is found to a factor of three, from below, and a pivot's sign is
 /// certain beyond rounding.
@@ -73,25 +69,10 @@ const SMALLER: f64 = 1e-3;
 /// Corrections that are made at most.
 const STEPS: usize = 8;
 
-/// Parameters of [`Primal`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PrimalParams {
-    /// Eigenvalues below this part of the largest count as zero; in [0, 1). See [`RANK_CUT`].
-    pub rank_cut: f64,
-}
-
-impl Params for PrimalParams {
-    const SOLVER: &'static str = "primal";
-
-    fn read(reader: &mut Reader<'_>) -> Result<Self, Error> {
-        Ok(Self { rank_cut: reader.fraction("rank_cut", RANK_CUT)? })
-    }
-}
-
 /// The factor and its workspace. Carried from step to step are patterns and, for [`AGE`] solves, the largest eigenvalues, which place τ:
 /// what came before can change last bits.
 #[derive(Clone)]
-pub(crate) struct Factor {
+pub struct Primal {
     rank_cut: f64,
     plan: Plan,
     /// By island: the rank that is expected, that of the factor, and the largest eigenvalue as it was last found.
@@ -119,8 +100,12 @@ pub(crate) struct Factor {
     pull: Vec<f64>,
 }
 
-impl Factor {
-    pub(crate) fn new(rank_cut: f64) -> Self {
+impl SparseFactor for Primal {
+    const NAME: &'static str = "primal";
+    const SUMMARY: &'static str =
+        "sparse factor of JᵀJ − τM, refined: many loops, deep trees, any redundancy";
+
+    fn new(rank_cut: f64) -> Self {
         let none = Vec::new;
         Self {
             rank_cut,
@@ -145,19 +130,7 @@ impl Factor {
         }
     }
 
-    /// Finds the largest eigenvalues anew at the next solve.
-    pub(crate) fn forget(&mut self) {
-        self.scales.clear();
-    }
-
-    /// Multiplications that a solve of this step takes, about.
-    pub(crate) fn work(&mut self, sparse: Sparse<'_>) -> usize {
-        self.plan.plan(sparse);
-        self.plan.work()
-    }
-
-    /// Solves a sparse step of hard rows into x (`n`); `None` where the rank is not clear, or refinement does not converge.
-    pub(crate) fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
+    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
         let sparse = problem.sparse.filter(|sparse| sparse.plan.is_some() && problem.softness.is_none())?;
         if problem.blocks.ceiling() < problem.rhs.len() && problem.blocks.widest_gap() > CLOSED_ROWS {
             return None;
@@ -179,6 +152,18 @@ impl Factor {
         let rank = self.find_rank(problem)?;
         let info = self.refine(problem.rhs, x)?;
         Some(Info { rank: Some(rank), ..info })
+    }
+
+    fn forget(&mut self) {
+        self.scales.clear();
+    }
+}
+
+impl Primal {
+    /// Multiplications that a solve of this step takes, about.
+    pub(crate) fn work(&mut self, sparse: Sparse<'_>) -> usize {
+        self.plan.plan(sparse);
+        self.plan.work()
     }
 
     /// The largest eigenvalue of A by island, from below: two steps of the power method from rows that push one way or the
@@ -391,51 +376,4 @@ impl Factor {
 
 fn distance(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt()
-}
-
-/// The sparse factor, and rank-revealing Cholesky where a step is given dense, is soft, or leaves the rank open.
-#[derive(Clone)]
-pub struct Primal {
-    params: PrimalParams,
-    factor: Factor,
-    dense: Cholesky,
-}
-
-impl Solver for Primal {
-    type Params = PrimalParams;
-    const SUMMARY: &'static str =
-        "sparse factor of JᵀJ − τM, refined: many loops, deep trees, any redundancy";
-    const NEEDS: Needs = Needs::Sparse;
-
-    fn rank_cut(&self) -> Option<f64> {
-        Some(self.params.rank_cut)
-    }
-
-    fn new(params: PrimalParams) -> Self {
-        let PrimalParams { rank_cut } = params;
-        Self { params, factor: Factor::new(rank_cut), dense: Cholesky::new(CholeskyParams { rank_cut }) }
-    }
-
-    fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Result<Info, Error> {
-        check_len("x", x.len(), &[problem.len()])?;
-        if let Some(info) = self.factor.solve(problem, x) {
-            return Ok(info);
-        }
-        // A step that is given dense is no event.
-        let fallbacks = usize::from(problem.sparse.is_some());
-        self.dense.solve(problem, x).map(|info| Info { fallbacks, ..info })
-    }
-
-    fn reset(&mut self) {
-        self.factor.forget();
-        Solver::reset(&mut self.dense);
-    }
-
-    fn state(&self) -> State {
-        self.dense.save(PrimalParams::SOLVER)
-    }
-
-    fn restore(&mut self, state: &State) -> Result<(), Error> {
-        self.dense.load(state, PrimalParams::SOLVER)
-    }
 }
