@@ -40,6 +40,7 @@ from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
 from oarlock.diagnosis.runs.trials import Made, Start
 from oarlock.diagnosis.runs.without import Without, find_fed, find_finer, find_without, starving
 from oarlock.mechanics import controls
+from oarlock.mechanics.controller import commanded
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
@@ -197,6 +198,9 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
     found.steps = _steps(model, options, found.own_s)
     if options.ignore_inequalities:
         found.ignored = ignore_inequalities(found.model)
+    if options.motion.controller is not None:
+        start = (found.qpos, found.qvel, found.act)
+        found.laws, found.driven = commanded(model, start, options.motion.controller, found.steps)
     return found
 
 
