@@ -3,7 +3,7 @@
 ``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison, ``diff`` what changed
 between two folders of them, ``check`` why the loops of a file come apart and what would hold them, ``suite`` and
 ``sweep`` the runs of many models, ``reactions`` what goes through the equalities of one state, ``sample`` consistent
-states spread over all that a mechanism can reach:
+states spread over all that a mechanism can reach; ``register_solver`` adds a solver of one's own to all of them:
 
     >>> import oarlock
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from oarlock.base.answer import Answer
-    from oarlock.base.core import make_solver
+    from oarlock.base.core import make_solver, register_solver
     from oarlock.base.errors import InputError
     from oarlock.base.progress import Progress
     from oarlock.batch.session import suite, sweep
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _PLACES = {
     "base.answer": ("Answer",),
-    "base.core": ("make_solver",),
+    "base.core": ("make_solver", "register_solver"),
     "base.errors": ("InputError",),
     "base.progress": ("Progress",),
     "batch.session": ("suite", "sweep"),
@@ -77,6 +77,7 @@ __all__ = [
     "make_solver",
     "model_names",
     "reactions",
+    "register_solver",
     "run",
     "sample",
     "solver_names",

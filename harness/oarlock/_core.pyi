@@ -465,6 +465,17 @@ def make_solver(name: str, **options: float | int | bool) -> MultiplierSolver:
         InputError: unknown name or option, or a value out of range or of another kind.
     """
 
+def register_solver(name: str, solver: Callable[..., Any], summary: str = ...) -> None:
+    """Registers a solver of one's own under a name, for this process; another one by the same name takes its place.
+
+    It is a function of A (n×n, symmetric positive semidefinite) and b (n) that gives x (n), or (x, iterations); or a
+    class whose objects have such a method ``solve``, and carry what they like from step to step. What it says is held
+    against a direct solver, as of every solver that is none.
+
+    Raises:
+        InputError: a name that is taken or no name of a file could have, or nothing that can be called.
+    """
+
 def solvers() -> dict[str, tuple[str, dict[str, float | int | bool]]]:
     """Every solver: {name: (summary, {option: default})}; a default is of its option's kind, float, int or bool."""
 

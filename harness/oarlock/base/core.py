@@ -21,6 +21,7 @@ from oarlock._core import (
     bench_solvers,
     make_solver,
     open_mujoco,
+    register_solver,
     solvers,
 )
 
@@ -47,5 +48,6 @@ __all__ = [
     "bench_solvers",
     "make_solver",
     "open_mujoco",
+    "register_solver",
     "solvers",
 ]

@@ -146,6 +146,14 @@ pub enum Error {
         /// What is wrong, and what was expected.
         reason: String,
     },
+    /// A solver from elsewhere did not answer, or not with what was asked for.
+    #[error("solver '{solver}': {reason}")]
+    Solver {
+        /// The solver.
+        solver: &'static str,
+        /// What it did, and what was expected.
+        reason: String,
+    },
     /// The eigensolver did not converge, which does not happen with finite symmetric input in practice.
     #[error("symmetric eigendecomposition of an {n}×{n} matrix did not converge")]
     Eigen {

@@ -5,6 +5,7 @@
 mod bench;
 mod convert;
 mod inequalities;
+mod own_solver;
 mod solver;
 mod stepping;
 mod system;
@@ -21,6 +22,8 @@ mod _core {
     use super::convert::InputError;
     #[pymodule_export]
     use super::inequalities::{Certificate, Inequalities, InequalityReport};
+    #[pymodule_export]
+    use super::own_solver::register_solver;
     #[pymodule_export]
     use super::solver::{Info, MultiplierSolver, make_solver, solvers};
     #[pymodule_export]

@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyInt};
 
 use crate::convert::{InputError, alone, input_error, matrix, not_of_type, text, vector};
+use crate::own_solver::{make_own, own_solvers};
 use crate::system::ConstrainedSystem;
 
 /// The figures of one solve; a figure that the solver cannot know is None.
@@ -346,6 +347,7 @@ fn set_value(options: &Bound<'_, PyDict>, option: &str, value: Value) -> PyResul
 #[pyfunction]
 #[pyo3(signature = (name, **options))]
 pub fn make_solver(
+    py: Python<'_>,
     name: &Bound<'_, PyAny>,
     options: Option<BTreeMap<String, Bound<'_, PyAny>>>,
 ) -> PyResult<MultiplierSolver> {
@@ -357,7 +359,21 @@ pub fn make_solver(
     let options: BTreeMap<_, _> = options.into_iter().flatten().map(read).collect::<PyResult<_>>()?;
     let given =
         options.iter().fold(core::Options::new(), |given, (option, &value)| given.with(option, value));
-    let solver = core::make_solver(&name, &given).map_err(input_error)?;
+    let solver = match make_own(py, &name) {
+        Some(own) if options.is_empty() => own?,
+        Some(_) => {
+            return Err(InputError::new_err(format!(
+                "solver '{name}' has no options, for it is not oarlock's own"
+            )));
+        }
+        None => core::make_solver(&name, &given).map_err(|error| match error {
+            core::Error::UnknownSolver { name, valid } => {
+                let own = own_solvers().into_iter().map(|(name, _)| format!(", {name}")).collect::<String>();
+                input_error(core::Error::UnknownSolver { name, valid: valid + &own })
+            }
+            error => input_error(error),
+        })?,
+    };
     let name = solver.name();
     let carried = Carried { solver, dense: core::ConstrainedSystem::new(), folded: Vec::new() };
     Ok(MultiplierSolver { name, options, carried: Mutex::new(carried) })
@@ -375,6 +391,9 @@ pub fn solvers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
             set_value(&options, option, default)?;
         }
         all.set_item(kind.name, (kind.summary, options))?;
+    }
+    for (name, summary) in own_solvers() {
+        all.set_item(name, (summary, PyDict::new(py)))?;
     }
     Ok(all)
 }

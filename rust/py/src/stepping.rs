@@ -178,7 +178,10 @@ impl Setup {
     ) -> PyResult<Run> {
         let beside = beside.map(|solver| solver.fresh()).transpose()?;
         let (form, projector) = (form(form_name)?, self.projector(projector.as_deref())?);
-        Run::of(py, experiments::free_solved(&self.inner, form, solver.fresh()?, projector, beside, judged, steps))
+        Run::of(
+            py,
+            experiments::free_solved(&self.inner, form, solver.fresh()?, projector, beside, judged, steps),
+        )
     }
 
     /// Where the time of a free run on exact constraints goes, as a dictionary: parts, by the order of a step, {part: (time in
