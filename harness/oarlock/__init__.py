@@ -3,7 +3,8 @@
 ``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison, ``diff`` what changed
 between two folders of them, ``check`` why the loops of a file come apart and what would hold them, ``suite`` and
 ``sweep`` the runs of many models, ``reactions`` what goes through the equalities of one state, ``sample`` consistent
-states spread over all that a mechanism can reach; ``register_solver`` adds a solver of one's own to all of them:
+states spread over all that a mechanism can reach. ``register_solver`` adds a solver of one's own to all of them, and
+``Stepper`` takes exact steps in place of ``mj_step``:
 
     >>> import oarlock
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from oarlock.experiments.outcome import Results
     from oarlock.experiments.session import run
     from oarlock.stepping.solvers import solver_names
+    from oarlock.stepping.stepper import StepFigures, Stepper
 
     __version__: str
 
@@ -55,6 +57,7 @@ _PLACES = {
     "experiments.outcome": ("Results",),
     "experiments.session": ("run",),
     "stepping.solvers": ("solver_names",),
+    "stepping.stepper": ("StepFigures", "Stepper"),
 }
 
 __all__ = [
@@ -68,6 +71,8 @@ __all__ = [
     "Results",
     "RunOptions",
     "Samples",
+    "StepFigures",
+    "Stepper",
     "Suite",
     "Sweep",
     "__version__",

@@ -329,6 +329,37 @@ class TimeLaw:
         """The value at time t in seconds; NaN outside the law's domain."""
 
 @final
+class Stepper:
+    """Takes steps of exact constraints on mjData that belong to others. The model is copied as it is."""
+
+    def __new__(
+        cls,
+        model: Any,
+        *,
+        solver: MultiplierSolver,
+        projector: MultiplierSolver | None,
+        beta: float,
+        k: float,
+        require: Callable[[Any], None],
+    ) -> Self:
+        """Of an MjModel: who solves, who projects at the end of a step, and Baumgarte's terms (1/s, 1/s²).
+
+        ``require`` is called with an MjData to make sure that it is one of this model.
+        """
+    def step(self, data: Any) -> None:
+        """Takes a step with an MjData."""
+    def rollout(self, addresses: list[int], steps: int, ctrl: NDArray[np.float64] | None = None) -> tuple[Any, Any]:
+        """Takes steps with each of the mjData at some addresses, on all cores.
+
+        Gives positions (data × steps × nq) and velocities (data × steps × nv) at the end of each step. ctrl (data ×
+        steps × nu) is written before each; None leaves controls.
+        """
+    def figures(self, lane: int) -> dict[str, Any] | None:
+        """What the last step of a lane did; None of one that took none."""
+    def reset(self) -> None:
+        """Forgets all earlier steps."""
+
+@final
 class Setup:
     """A prepared model at a consistent start, with its drive. The model is copied: later changes to it are not seen."""
 

@@ -6,6 +6,7 @@ import re
 import sys
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 from oarlock.base import core
 from oarlock.base.errors import InputError, choose, one_line
@@ -53,7 +54,7 @@ def register_elsewhere(text: str) -> str:
         raise InputError(f"solver '{text}' is code, which --no-code ({NO_CODE}) keeps from running")
     sys.path.insert(0, os.getcwd())
     try:
-        solver = reduce(getattr, path.split("."), importlib.import_module(module))
+        solver: Any = reduce(getattr, path.split("."), importlib.import_module(module))
     except Exception as error:
         raise InputError(f"solver '{text}': {type(error).__name__}: {one_line(error)}") from None
     finally:

@@ -14,6 +14,7 @@
 //! | [`projection`] | positions and velocities back onto the constraints |
 //! | [`walker`] | MuJoCo's integrators fed with a force law |
 //! | [`experiments`] | calibration, lockstep, one-step, free run, and a profile of its steps |
+//! | [`stepper`] | one step on data that belong to others, in place of `mj_step`; many of them on all cores |
 //! | [`run`], [`steps`] | a run on its way, and its table; many runs at once on all cores |
 //! | [`vectors`] | sums in a written order |
 //! | [`error`] | what ends a run |
@@ -50,6 +51,7 @@ pub mod library;
 pub mod projection;
 pub mod run;
 pub mod state;
+pub mod stepper;
 pub mod steps;
 pub mod tendon;
 pub mod time_law;

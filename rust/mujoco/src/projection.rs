@@ -30,6 +30,19 @@ const FIRM: f64 = 1e12;
 /// Inertia of a row, at least: what nothing moves is not pushed either.
 const LEAST: f64 = 1e-100;
 
+/// m or rad: a start is closed as far as its rows allow up to this, what six digits of a file leave open.
+const CONSISTENT: f64 = 1e-6;
+
+/// What the rows of a start leave open where they contradict one another, m or rad; 0 of a start that is merely open.
+///
+/// # Errors
+/// [`Error::Mujoco`].
+pub fn contradiction(data: &mut Data) -> Result<f64, Error> {
+    data.position_stage()?;
+    let left = largest(data.pos());
+    Ok(if left <= CONSISTENT { left } else { 0.0 })
+}
+
 /// How a projection ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Landing {
@@ -153,6 +166,15 @@ impl Projector {
     pub const fn leaving(mut self, left: f64) -> Self {
         self.left = left;
         self
+    }
+
+    /// Takes rows for closed as [`leaving`](Self::leaving) does, by what they leave open at a state.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn begin_at(&mut self, data: &mut Data) -> Result<(), Error> {
+        self.left = contradiction(data)?;
+        Ok(())
     }
 
     /// One for states of another copy of the model, with a solver that starts as this one's stands.

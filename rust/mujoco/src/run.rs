@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::drive::Drive;
 use crate::error::Error;
 use crate::library::{Data, Model, without_timers};
+use crate::projection::contradiction;
 use crate::state::{Baumgarte, State};
 use crate::steps::{Column, Steps};
 use crate::vectors::largest;
@@ -32,9 +33,6 @@ impl Observed {
         }
     }
 }
-
-/// m or rad: a start is closed as far as its rows allow up to this, what six digits of a file leave open.
-const CONSISTENT: f64 = 1e-6;
 
 /// What a run starts from and what is written down of it besides what it is for.
 #[derive(Clone)]
@@ -94,10 +92,7 @@ impl Setup {
     /// # Errors
     /// Those of [`data`](Self::data), and [`Error::Mujoco`].
     pub fn left(&self) -> Result<f64, Error> {
-        let mut data = self.data()?;
-        data.position_stage()?;
-        let left = largest(data.pos());
-        Ok(if left <= CONSISTENT { left } else { 0.0 })
+        contradiction(&mut self.data()?)
     }
 
     /// The fields of its states.

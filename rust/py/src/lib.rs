@@ -7,6 +7,7 @@ mod convert;
 mod inequalities;
 mod own_solver;
 mod solver;
+mod stepper;
 mod stepping;
 mod system;
 mod time_law;
@@ -26,6 +27,8 @@ mod _core {
     use super::own_solver::register_solver;
     #[pymodule_export]
     use super::solver::{Info, MultiplierSolver, make_solver, solvers};
+    #[pymodule_export]
+    use super::stepper::Stepper;
     #[pymodule_export]
     use super::stepping::{Column, Run, Setup, advance_all, open_mujoco};
     #[pymodule_export]

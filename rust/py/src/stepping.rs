@@ -17,12 +17,28 @@ use crate::solver::MultiplierSolver;
 use crate::time_law::TimeLaw;
 
 /// An error of the step loops as a Python exception: MuJoCo's own as its bindings raise them.
-fn raised(py: Python<'_>, error: &native::Error) -> PyErr {
+pub fn raised(py: Python<'_>, error: &native::Error) -> PyErr {
     let fatal = || py.import("mujoco")?.getattr("FatalError")?.call1((error.to_string(),));
     match error {
         native::Error::Mujoco(_) => fatal().map_or_else(|other| other, PyErr::from_value),
         _ => InputError::new_err(error.to_string()),
     }
+}
+
+/// A copy of an `MjModel`.
+///
+/// # Errors
+/// `InputError` if it is none, or cannot be copied.
+pub fn copied(py: Python<'_>, model: &Bound<'_, PyAny>) -> PyResult<Arc<native::library::Model>> {
+    if !model.is_instance(&py.import("mujoco")?.getattr("MjModel")?)? {
+        return Err(InputError::new_err(format!("{model} is no model, expected a mujoco.MjModel")));
+    }
+    let address = model.getattr("_address")?.extract()?;
+    // SAFETY: it is the address of a model that MuJoCo's own bindings keep, of the library that `open_mujoco` checked, and
+    // the interpreter lock keeps other Python code from writing to it.
+    #[allow(unsafe_code)]
+    let copy = unsafe { native::library::Model::copy_of(address) };
+    copy.map(Arc::new).map_err(|error| raised(py, &error))
 }
 
 fn form(name: &str) -> PyResult<Form> {
@@ -76,15 +92,7 @@ impl Setup {
         inequalities: bool,
         snapshots: Vec<usize>,
     ) -> PyResult<Self> {
-        if !model.is_instance(&py.import("mujoco")?.getattr("MjModel")?)? {
-            return Err(InputError::new_err(format!("{model} is no model, expected a mujoco.MjModel")));
-        }
-        let address = model.getattr("_address")?.extract()?;
-        // SAFETY: it is the address of a model that MuJoCo's own bindings keep, of the library that `open_mujoco` checked, and
-        // the interpreter lock keeps other Python code from writing to it.
-        #[allow(unsafe_code)]
-        let copy = unsafe { native::library::Model::copy_of(address) };
-        let model = Arc::new(copy.map_err(|error| raised(py, &error))?);
+        let model = copied(py, model)?;
         let observed = match observed {
             None => None,
             Some((kind, index)) if kind == "qpos" && index < model.nq() => Some(Observed::Coordinate(index)),

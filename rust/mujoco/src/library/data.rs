@@ -36,6 +36,8 @@ pub struct Data {
     pub(super) rows: RowsView,
     /// Whether the position stage is that of the present positions.
     placed: bool,
+    /// Whether it is somebody else's.
+    borrowed: bool,
 }
 
 // SAFETY: it is nobody else's, and MuJoCo keeps nothing about it in the thread.
@@ -45,8 +47,10 @@ unsafe impl Sync for Data {}
 
 impl Drop for Data {
     fn drop(&mut self) {
-        // SAFETY: it was made by mj_makeData and is nobody else's.
-        unsafe { oarlock_delete_data(self.raw.as_ptr()) }
+        if !self.borrowed {
+            // SAFETY: it was made by mj_makeData and is nobody else's.
+            unsafe { oarlock_delete_data(self.raw.as_ptr()) }
+        }
     }
 }
 
@@ -103,13 +107,34 @@ impl Data {
         // SAFETY: the model is valid; `raw` is valid for the call.
         trapped(|message| unsafe { oarlock_make_data(model.raw.as_ptr(), &raw mut raw, message) })?;
         let raw = NonNull::new(raw).ok_or_else(|| Error::Mujoco("no memory for mjData".to_owned()))?;
+        Ok(Self::of(model, raw, false))
+    }
+
+    /// The data at an address, which stays whose it is.
+    ///
+    /// # Safety
+    /// It is that of an mjData of a model like this one, which outlives what is returned, and nobody else uses it meanwhile.
+    ///
+    /// # Panics
+    /// If the address is null.
+    #[must_use]
+    pub unsafe fn borrowed(model: &Arc<Model>, address: usize) -> Self {
+        Self::of(model, NonNull::new(address as *mut c_void).expect("the address of an mjData"), true)
+    }
+
+    fn of(model: &Arc<Model>, raw: NonNull<c_void>, borrowed: bool) -> Self {
         let mut view = std::mem::MaybeUninit::uninit();
-        // SAFETY: the shim fills the whole struct from a data that was just made.
+        // SAFETY: the shim fills the whole struct from a data.
         let view = unsafe {
             oarlock_view_data(raw.as_ptr(), view.as_mut_ptr());
             view.assume_init()
         };
-        Ok(Self { model: Arc::clone(model), raw, view, rows: rows_of(raw), placed: false })
+        Self { model: Arc::clone(model), raw, view, rows: rows_of(raw), placed: false, borrowed }
+    }
+
+    /// Takes none of its stages for valid: its state may have been written to.
+    pub fn moved(&mut self) {
+        self.placed = false;
     }
 
     /// Its model.

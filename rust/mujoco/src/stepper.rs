@@ -1,0 +1,195 @@
+//! One step of exact constraints on data that belong to others, in place of `mj_step`.
+
+use std::mem;
+use std::sync::Arc;
+
+use oarlock_core::{Info, MultiplierSolver};
+use rayon::prelude::*;
+
+use crate::drive::Drive;
+use crate::error::Error;
+use crate::force::{SolvedForce, Tally};
+use crate::library::{Data, Model, without_timers};
+use crate::projection::{Projection, Projector};
+use crate::state::{Baumgarte, Form, State};
+use crate::vectors::largest;
+use crate::walker::{ForcedWalker, bounded, is_sane};
+
+/// Steps the states of one model, each data in a lane of its own, which carries what its solver and its projector learn.
+pub struct Stepper {
+    model: Arc<Model>,
+    terms: Baumgarte,
+    solver: Box<dyn MultiplierSolver>,
+    projector: Option<Box<dyn MultiplierSolver>>,
+    lanes: Vec<Lane>,
+}
+
+/// What the last step of a lane did.
+#[derive(Debug, Clone, Copy)]
+pub struct Figures<'a> {
+    /// What its solver said of the last solve.
+    pub info: &'a Info,
+    /// All solves of the step.
+    pub tally: &'a Tally,
+    /// Multipliers at the last solve, ne.
+    pub multipliers: &'a [f64],
+    /// What rows leave open after the step, m or rad; before it where nothing projects.
+    pub drift: f64,
+    /// Limits, friction losses and contacts that push, and those of them that push against loops alone.
+    pub pushing: Option<(usize, usize)>,
+    /// What the projection did.
+    pub projection: Option<Projection>,
+}
+
+struct Lane {
+    walker: ForcedWalker<SolvedForce>,
+    /// Whether the first state was looked at.
+    begun: bool,
+    /// m or rad.
+    drift: f64,
+}
+
+impl Stepper {
+    /// For states of a model as it is now, by its own integrator. A `projector` is a solver that ends every step.
+    ///
+    /// # Errors
+    /// Those of [`Model::unsolved`], [`State::new`] and [`ForcedWalker::new`].
+    pub fn new(
+        model: &Model,
+        terms: Baumgarte,
+        solver: Box<dyn MultiplierSolver>,
+        projector: Option<Box<dyn MultiplierSolver>>,
+    ) -> Result<Self, Error> {
+        let model = Arc::new(model.unsolved(model.timestep())?);
+        let mut stepper = Self { model, terms, solver, projector, lanes: Vec::new() };
+        stepper.reach(1)?;
+        Ok(stepper)
+    }
+
+    /// Its model, a copy.
+    #[must_use]
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// Makes lanes, up to so many.
+    fn reach(&mut self, count: usize) -> Result<(), Error> {
+        while self.lanes.len() < count {
+            let fresh = |solver: &dyn MultiplierSolver| {
+                let mut solver = solver.clone_box();
+                solver.reset();
+                solver
+            };
+            let state = State::new(&self.model, self.terms)?;
+            let force = SolvedForce::new(state, Form::Hard, fresh(&*self.solver), self.model.nv());
+            let projector =
+                self.projector.as_deref().map(|solver| Projector::new(&self.model, fresh(solver)));
+            let walker = ForcedWalker::new(Data::new(&self.model)?, Drive::default(), force, projector)?;
+            self.lanes.push(Lane { walker, begun: false, drift: 0.0 });
+        }
+        Ok(())
+    }
+
+    /// Takes a step with a data of a model like this one, in the first lane.
+    ///
+    /// # Errors
+    /// [`Error::Refused`]: a state that is not finite; what the stages, the force law or the projection say.
+    pub fn step(&mut self, theirs: Data) -> Result<(), Error> {
+        self.reach(1)?;
+        without_timers(|| self.lanes[0].take(theirs, 1, |_, _| ()))
+    }
+
+    /// Takes so many steps with each of several data, side by side on all cores, the first data in the first lane. `look` is
+    /// called with lane, step and data before each of them, and may write controls.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step), the first lane's that ran into one, with its number; the others took all their steps.
+    pub fn step_all(
+        &mut self,
+        theirs: Vec<Data>,
+        steps: usize,
+        look: impl Fn(usize, usize, &mut Data) + Sync,
+    ) -> Result<(), (usize, Error)> {
+        self.reach(theirs.len()).map_err(|error| (0, error))?;
+        let outcomes: Vec<_> = without_timers(|| {
+            let lanes = self.lanes.par_iter_mut().zip(theirs).enumerate();
+            lanes
+                .map(|(number, (lane, data))| {
+                    let taken = lane.take(data, steps, |step, data| look(number, step, data));
+                    taken.map_err(|error| (number, error))
+                })
+                .collect()
+        });
+        outcomes.into_iter().collect()
+    }
+
+    /// Forgets all earlier steps.
+    pub fn forget(&mut self) {
+        self.lanes.clear();
+    }
+
+    /// What the last step of a lane did; nothing of one that took none.
+    #[must_use]
+    pub fn figures(&self, lane: usize) -> Option<Figures<'_>> {
+        let lane = self.lanes.get(lane).filter(|lane| lane.begun)?;
+        let (force, projector) = (&lane.walker.force, &lane.walker.projector);
+        let report = force.inequalities.report;
+        Some(Figures {
+            info: &force.answer.info,
+            tally: &force.tally,
+            multipliers: &force.answer.multipliers,
+            drift: lane.drift,
+            pushing: report.map(|report| (report.active, report.blocked)),
+            projection: projector.as_ref().and_then(|projector| projector.last),
+        })
+    }
+}
+
+impl Lane {
+    fn take(&mut self, theirs: Data, steps: usize, look: impl Fn(usize, &mut Data)) -> Result<(), Error> {
+        let own = mem::replace(&mut self.walker.data, theirs);
+        let outcome = (0..steps).try_for_each(|step| {
+            look(step, &mut self.walker.data);
+            if step == 0 {
+                // Whoever owns the data may have put it elsewhere.
+                self.walker.data.moved();
+            }
+            self.step()
+        });
+        self.walker.data = own;
+        outcome
+    }
+
+    fn step(&mut self) -> Result<(), Error> {
+        let walker = &mut self.walker;
+        walker.force.answer.recorded = false;
+        walker.force.tally = Tally::default();
+        if !is_sane(&walker.data) {
+            return Err(Error::Refused(format!(
+                "the state at t = {:.6} s is not finite",
+                walker.data.time()
+            )));
+        }
+        if !mem::replace(&mut self.begun, true)
+            && let Some(projector) = &mut walker.projector
+        {
+            projector.begin_at(&mut walker.data)?;
+        }
+        walker.look()?;
+        self.drift = largest(walker.data.pos());
+        if !bounded(walker.data.qacc()) {
+            return Err(Error::Refused(format!(
+                "the acceleration at t = {:.6} s is beyond all bounds",
+                walker.data.time()
+            )));
+        }
+        walker.step()?;
+        if walker.projector.is_some() {
+            self.drift = largest(walker.data.pos());
+        }
+        if is_sane(&walker.data) {
+            return Ok(());
+        }
+        Err(Error::Refused(format!("the state at t = {:.6} s is not finite", walker.data.time())))
+    }
+}
