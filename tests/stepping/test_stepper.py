@@ -11,6 +11,8 @@ from oarlock.base.errors import InputError
 from oarlock.cases.case import load_case
 from oarlock.stepping.prepared import PreparedCase
 
+MORE = '<body><joint name="more"/><geom type="sphere" size="0.1"/></body>'
+
 EXACT = 1e-12
 """What the documentation promises between a run and its steps, rad or m, and relative of multipliers."""
 
