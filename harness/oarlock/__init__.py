@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from oarlock.diagnosis.sampling import Samples, sample
     from oarlock.experiments.options import RunOptions
     from oarlock.experiments.outcome import Results
+    from oarlock.experiments.problems import Problems, export_problems
     from oarlock.experiments.session import run
     from oarlock.stepping.solvers import solver_names
     from oarlock.stepping.stepper import StepFigures, Stepper
@@ -55,6 +56,7 @@ _PLACES = {
     "diagnosis.sampling": ("Samples", "sample"),
     "experiments.options": ("RunOptions",),
     "experiments.outcome": ("Results",),
+    "experiments.problems": ("Problems", "export_problems"),
     "experiments.session": ("run",),
     "stepping.solvers": ("solver_names",),
     "stepping.stepper": ("StepFigures", "Stepper"),
@@ -67,6 +69,7 @@ __all__ = [
     "Difference",
     "EqualityReaction",
     "InputError",
+    "Problems",
     "Progress",
     "Results",
     "RunOptions",
@@ -78,6 +81,7 @@ __all__ = [
     "__version__",
     "check",
     "diff",
+    "export_problems",
     "load_case",
     "make_solver",
     "model_names",

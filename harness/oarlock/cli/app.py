@@ -31,6 +31,7 @@ COMMANDS = {
     "diff": "diff.diff",
     "sample": "sample.sample",
     "explain": "explain.explain",
+    "export-problems": "problems.export_problems",
 }
 """Name of a command → its file in this folder and its function there, which are loaded when it is called."""
 

@@ -35,12 +35,13 @@ class Inertia:
 
     Attributes:
         system: as it was last assembled.
+        unconstrained: the a₀ (nv) that it was asked with.
     """
 
     def __init__(self, model: mujoco.MjModel):
         self.system = ConstrainedSystem()
         self._model = model
-        self._unconstrained = np.zeros(model.nv)
+        self.unconstrained = np.zeros(model.nv)
         self._change = np.zeros((1, model.nv))
         self._turns = np.zeros(model.nv, dtype=bool)
         for kind, first in zip(model.jnt_type.tolist(), model.jnt_dofadr.tolist(), strict=True):
@@ -67,11 +68,11 @@ class Inertia:
             tree = mass_tree(model, data)
             rows = compressed(data, len(aref)) if mujoco.mj_isSparse(model) else jacobian
             self.system.assemble_sparse(rows, tree, unconstrained, aref, softness)
-        self._unconstrained[:] = unconstrained
+        self.unconstrained[:] = unconstrained
 
     def start_from(self, unconstrained: np.ndarray) -> None:
         """Takes another a₀ (nv) for the way back from multipliers, that with which the system was asked anew."""
-        self._unconstrained[:] = unconstrained
+        self.unconstrained[:] = unconstrained
 
     def hold_rank(self, data: mujoco.MjData, jacobian: np.ndarray) -> None:
         """Asks to hold the rank of the equality rows J (ne, nv) in the next ``assemble``, along the path of a state.
@@ -98,4 +99,4 @@ class Inertia:
         """Acceleration a₀ + M⁻¹ Jᵀ λ and constraint force Jᵀ λ, both (nv), of multipliers λ (n)."""
         qfrc = self.system.force(multipliers)
         mujoco.mj_solveM(self._model, data, self._change, qfrc[None])
-        return self._unconstrained + self._change[0], qfrc
+        return self.unconstrained + self._change[0], qfrc

@@ -57,6 +57,16 @@ class Question:
             pushed = self.inequalities.answer(state.data, state.others, self._inertia.system, aref)
             self._inertia.start_from(pushed)
 
+    @property
+    def system(self) -> core.ConstrainedSystem:
+        """A and b as they were last assembled."""
+        return self._inertia.system
+
+    @property
+    def unconstrained(self) -> np.ndarray:
+        """a₀ (nv) of the question, the forces of limits, friction loss and contacts among the smooth ones."""
+        return self._inertia.unconstrained
+
     def solve(self, solver: core.MultiplierSolver) -> tuple[np.ndarray, core.Info]:
         """Solves for the multipliers λ (ne); returns them and what the solver reports."""
         return solver.solve_system(self._inertia.system)
