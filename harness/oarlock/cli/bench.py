@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from oarlock.base.numbers import short
-from oarlock.cli.console import JsonOption, emit_json, ends, say
+from oarlock.cli.console import JsonOption, QuietOption, emit_json, ends, say
 
 
 @ends()
@@ -36,6 +36,7 @@ def bench(
     ] = 1.0,
     rounds: Annotated[int, typer.Option(min=1, help="Interleaved rounds, of which the median counts.")] = 9,
     as_json: JsonOption = None,
+    quiet: QuietOption = False,
 ) -> None:
     """Times solvers beside the pseudo-inverses of Rust's libraries, and steps beside mj_step, as ratios of one run.
 
@@ -57,7 +58,7 @@ def bench(
         if as_json != "-":
             _print_stepping_bench(table)
     if growing:
-        grown = _measured(family, rounds, budget)
+        grown = _measured(family, rounds, budget, quiet)
         if as_json != "-":
             _print_growth(grown)
     document = benchmark.document(rows, steps, grown)
@@ -69,7 +70,7 @@ def bench(
         say(f"oarlock: written: {write_growth_report(grown, document['provenance'], growth_report) / 'README.md'}")
 
 
-def _measured(family: list[str] | None, rounds: int, budget_s: float) -> dict[str, Any]:
+def _measured(family: list[str] | None, rounds: int, budget_s: float, quiet: bool) -> dict[str, Any]:
     from oarlock.base.errors import InputError
     from oarlock.bench.budget import Budget
     from oarlock.bench.families import families
@@ -78,7 +79,7 @@ def _measured(family: list[str] | None, rounds: int, budget_s: float) -> dict[st
 
     if not 0 < budget_s < float("inf"):
         raise InputError(f"budget = {budget_s} s, expected a positive number")
-    with bar() as progress:
+    with bar(quiet=quiet) as progress:
         return measure(families(family), rounds, Budget(budget_s), progress)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.base.errors import InputError
-from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, emit_json, ends, say
+from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, QuietOption, emit_json, ends, say
 from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
 from oarlock.diagnosis.checked import begun, judged, parts
 from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
@@ -69,6 +69,7 @@ def check(
     ] = None,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Why do the loops of a model come apart, and what would hold them?
 
@@ -98,7 +99,7 @@ def check(
         )
     exam = begun(file, options)
     _require_places(exam, [path for path in (write_keyframe, write_tuned, fix) if path])
-    checked = _examined(exam)
+    checked = _examined(exam, quiet)
     if printing:
         _print(checked)
     kept = [
@@ -119,11 +120,11 @@ def check(
         raise typer.Exit(GATE_FAILED)
 
 
-def _examined(exam: "Examination") -> "Checked":
+def _examined(exam: "Examination", quiet: bool) -> "Checked":
     from oarlock.cli.bar import bar
     from oarlock.diagnosis.examination import PARTS
 
-    with bar() as progress:
+    with bar(quiet=quiet) as progress:
         progress.begin("checking", len(PARTS))
         for _ in parts(exam):
             progress.advance(1)

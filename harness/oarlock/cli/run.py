@@ -13,7 +13,18 @@ from oarlock.cases.case import load_case
 from oarlock.cases.case_file import Stabilisation
 from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
-from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, console, emit_json, ends, one_of, say, shown
+from oarlock.cli.console import (
+    GATE_FAILED,
+    JsonOption,
+    NoCodeOption,
+    QuietOption,
+    console,
+    emit_json,
+    ends,
+    one_of,
+    say,
+    shown,
+)
 from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
@@ -73,6 +84,7 @@ def run(
     ] = None,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Runs a model's comparison. With none of the options before --keyframe it runs the experiments of its case."""
     options = RunOptions(
@@ -95,7 +107,7 @@ def run(
     folder = out or Path("results") / load_case(model).slug
     if to:
         _require_place(to, folder)
-    with bar() as progress:
+    with bar(quiet=quiet) as progress:
         if out is None and not replace:
             results = session.run_beside(model, options, folder, progress)
         else:
