@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated, get_args
 
 import typer
-from rich.table import Table
 
 from oarlock.base.errors import InputError
 from oarlock.base.numbers import short
@@ -18,29 +17,24 @@ from oarlock.cli.console import (
     JsonOption,
     NoCodeOption,
     QuietOption,
-    console,
     emit_json,
     ends,
     one_of,
     say,
-    shown,
 )
 from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
+from oarlock.cli.tables import print_table
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
-from oarlock.experiments.outcome import COLUMNS, Results, glance
+from oarlock.experiments.outcome import COLUMNS, WORDS, Results, glance
 from oarlock.render.folder import CONTENTS, require_report
 from oarlock.tables.promise import doubts
 
 
 def _print_summary(results: Results) -> None:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in COLUMNS.values():
-        table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
-    for row in results.rows:
-        table.add_row(*(shown(short(value)) for value in glance(row)))
-    console().print(table)
+    rows = [[short(value) for value in glance(row)] for row in results.rows]
+    print_table(list(COLUMNS.values()), rows, WORDS)
     integrators = ", ".join(dict.fromkeys(row["integrator"] for row in results.rows))
     print(visible(f"{results.motion}; integrator {integrators}"))
 
@@ -137,6 +131,8 @@ def run(
         )
     if to:
         say(f"oarlock: written: {results.report(to) / 'README.md'}")
+    if as_json != "-":
+        print(visible(results.answer))
     if results.failures or lost:
         raise typer.Exit(GATE_FAILED)
 
