@@ -14,6 +14,7 @@ import pytest
 from mechanisms import COMMAND, boat_copy, four_bar, only, write_model
 from oarlock import model_names
 from oarlock.cli.app import COMMANDS
+from oarlock.stepping.solvers import SolverSpec
 from oarlock.tables.folder import ResultFolder
 from tolerances import SOON_S
 
@@ -221,6 +222,19 @@ def test_divergence_keeps_the_streams_clean(oarlock_command):
     rows = json.loads(finished.stdout)["runs"]
     assert {row["status"] for row in rows} == {"diverged"}
     assert all(line.startswith("oarlock: ") for line in finished.stderr.splitlines())
+
+
+def test_solvers_are_those_of_the_registry(oarlock_here):
+    plain, machine = oarlock_here("solvers"), oarlock_here("solvers", "--json")
+    assert (plain.returncode, machine.returncode) == (0, 0)
+    entries = json.loads(machine.stdout)
+    assert [entry["name"] for entry in entries] == oarlock.solver_names()
+    for entry, line in zip(entries, plain.stdout.splitlines()[1:], strict=True):
+        name, options, summary = re.split(r"\s{2,}", line)
+        assert (name, summary) == (entry["name"], entry["summary"])
+        # What is shown can be asked for as it stands.
+        spec = f"{name}:{options.replace(' ', ',')}"
+        assert dict(SolverSpec.parse(spec).options) == entry["options"]
 
 
 # Mistakes.

@@ -29,6 +29,7 @@ COMMANDS = {
     "diff": "diff.diff",
     "sample": "sample.sample",
     "explain": "explain.explain",
+    "solvers": "solvers.solvers",
 }
 """Name of a command → its file in this folder and its function there, which are loaded when it is called."""
 

@@ -7,9 +7,10 @@ EXAMPLES = {
     "report": "oarlock report results/boat",
     "bench": "oarlock bench --size 24 --rounds 3",
     "suite": "oarlock suite four_bar --sweep timestep=5e-4:4e-3:4",
-    "check": "oarlock check gripper.xml --fail-above 1e-4 --report page",
+    "check": "oarlock check gripper.xml leg.xml --fail-above 1e-4 --sarif loops.sarif",
     "diff": "oarlock diff results/boat elsewhere/boat --junit diff.xml",
     "sample": "oarlock sample four_bar -n 100 -o poses.npz",
     "explain": "oarlock explain D1",
+    "solvers": "oarlock solvers --json",
 }
 """Name of a command → an example."""
