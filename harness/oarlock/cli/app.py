@@ -26,6 +26,7 @@ COMMANDS = {
     "bench": "bench.bench",
     "suite": "suite.suite",
     "check": "check.check",
+    "close": "close.close",
     "diff": "diff.diff",
     "sample": "sample.sample",
     "explain": "explain.explain",
@@ -43,9 +44,9 @@ class _Commands(Mapping[str, Any]):
         module, _, function = COMMANDS[name].partition(".")
         only = typer.Typer(**_SETTINGS)
         with ends():  # also while it is loaded
-            only.command(name, epilog=f"Example: {EXAMPLES[name]}")(
-                getattr(import_module(f"oarlock.cli.{module}"), function)
-            )
+            loaded = import_module(f"oarlock.cli.{module}")
+            reader = getattr(loaded, "Reader", None)  # of arguments that typer has no form for
+            only.command(name, cls=reader, epilog=f"Example: {EXAMPLES[name]}")(getattr(loaded, function))
         gc.freeze()  # what was imported stays: no collection of garbage need walk through it
         return typer.main.get_command(only)
 

@@ -28,7 +28,8 @@ def _said(error: Any, context: Any) -> str:
     kind, message = type(error).__name__, error.format_message()
     param = getattr(error, "param", None)
     if kind == "MissingParameter" and param is not None:
-        return f"no {_named(param)}, expected {_form(context)}"
+        option = param.param_type_name == "option"
+        return f"no {_named(param)}, expected {f'{_named(param)} {_metavar(param)}' if option else _form(context)}"
     if kind == "NoSuchOption":
         option = error.option_name
         known = [name for one in context.command.params for name in (*one.opts, *one.secondary_opts)]
@@ -67,7 +68,7 @@ def _refused(error: Any, param: Any) -> str:
 
 
 def _named(param: Any) -> str:
-    return param.opts[-1] if param.param_type_name == "option" else _metavar(param)
+    return max(param.opts, key=len) if param.param_type_name == "option" else _metavar(param)
 
 
 def _metavar(param: Any) -> str:

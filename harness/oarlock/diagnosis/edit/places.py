@@ -51,6 +51,16 @@ def line_of(place: Place) -> int:
     return place.file.text.count(b"\n", 0, place.element.start) + 1
 
 
+def body_place(document: Document, model: mujoco.MjModel, index: int) -> Place | None:
+    """The element of a body, of the world that of its last section; None where it stands in no file of the document."""
+    if index == 0:
+        return next(reversed(document.sections("worldbody")), None)
+    if name := mujoco.mj_id2name(model, _BODY, index):
+        return next((one for one in _candidates(document, _BODY) if one.element.get("name") == name), None)
+    bodies = document.bodies()
+    return bodies[index - 1] if bodies is not None and len(bodies) == model.nbody - 1 else None
+
+
 def _place(document: Document, model: mujoco.MjModel, sort: mujoco.mjtObj, index: int) -> Place | None:
     if sort == _EQUALITY:
         return equality_place(document, model, index)
@@ -59,7 +69,7 @@ def _place(document: Document, model: mujoco.MjModel, sort: mujoco.mjtObj, index
     if sort not in (_JOINT, _GEOM):
         return None
     owners = model.jnt_bodyid if sort == _JOINT else model.geom_bodyid
-    body = _body(document, model, int(owners[index]))
+    body = body_place(document, model, int(owners[index]))
     if body is None:
         return None
     alike = [one for one in range(index) if owners[one] == owners[index] and not mujoco.mj_id2name(model, sort, one)]
@@ -76,10 +86,3 @@ def _candidates(document: Document, sort: mujoco.mjtObj) -> Iterator[Place]:
         inside = place.element.parent is None or place.element.parent.tag not in ("fixed", "spatial", "default")
         if place.element.tag in _TAGS[sort] and inside:
             yield place
-
-
-def _body(document: Document, model: mujoco.MjModel, index: int) -> Place | None:
-    if name := mujoco.mj_id2name(model, _BODY, index):
-        return next((one for one in _candidates(document, _BODY) if one.element.get("name") == name), None)
-    bodies = document.bodies()
-    return bodies[index - 1] if index and bodies is not None and len(bodies) == model.nbody - 1 else None
