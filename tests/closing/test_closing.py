@@ -10,15 +10,16 @@ from mechanisms import four_bar
 from oarlock.base.errors import InputError
 from oarlock.closing.closing import close_loops
 from oarlock.closing.joining import REACH
+from oarlock.diagnosis.loops.poses import nearest_closed
+from oarlock.mechanics.load import load_model
 from oarlock.stepping.closing import CLOSED
 from places import FIXTURES
+from scipy.spatial.transform import Rotation
 
 URDF = FIXTURES / "closing" / "four_bar.urdf"
 PIN = '<connect name="pin" site1="tip1" site2="tip2"/>'
 OPEN = four_bar(pivot="0.73 0 0").replace(f"<equality>{PIN}</equality>", "")
 TIPS = ("tip1", "tip2")
-QUATERNION = 1e-12
-"""Of frames that meet: rounding of the closed pose."""
 
 
 def written(folder, text=OPEN, name="open.xml"):
@@ -66,9 +67,6 @@ def test_sites_are_joined_and_the_text_is_kept(tmp_path):
 def test_the_pose_is_the_nearest(tmp_path):
     """That of the same model with the equality written by hand."""
     whole = written(tmp_path, four_bar(pivot="0.73 0 0"), "whole.xml")
-    from oarlock.diagnosis.loops.poses import nearest_closed
-    from oarlock.mechanics.load import load_model
-
     closing = close_loops(written(tmp_path), tmp_path / "out.xml", [TIPS])
     np.testing.assert_allclose(closing.pose.qpos, nearest_closed(load_model(whole)).qpos, atol=1e-12)
 
@@ -92,17 +90,25 @@ def test_a_urdf_is_closed_where_its_frames_say(tmp_path):
     assert np.linalg.norm(data.body("closing_pin_1").xpos - data.body("closing_pin_2").xpos) <= CLOSED
 
 
+def turned(angle, tilt):
+    """Roll, pitch and yaw of a rotation about z in a frame that is tilted, in all digits."""
+    return " ".join(map(repr, (tilt * Rotation.from_euler("z", angle)).as_euler("xyz").tolist()))
+
+
 def test_a_urdf_keeps_the_digits_of_its_axes(tmp_path):
-    """MuJoCo's writer has six: an axis tilted by them would leave a planar loop open by some 1e-8 m."""
+    """MuJoCo's writer has six: axes that were parallel are tilted by them, and a planar loop does not close."""
+    tilt = Rotation.from_euler("xyz", [0.618034, 0.271828, 0.1])
+    pivot = tilt.apply([0.3 * np.cos(0.3), 0.3 * np.sin(0.3), 0.0]) + np.array([0.0, 0.0, 0.1])
     text = URDF.read_text(encoding="utf-8")
-    tilt = 'rpy="0.61803398875 0.27182818284 0.3"'
-    tilted = text.replace('<parent link="base"/><child link="crank"/>\n    <origin xyz="0 0 0.1" rpy="0 0 0.3"/>', "T")
-    assert tilted != text
-    link = '<link name="base"/>\n  <link name="world"/>\n  <joint name="stand" type="fixed"><parent link="world"/>'
-    link += f'<child link="base"/><origin xyz="0 0 0.4" {tilt}/></joint>'
-    source = written(tmp_path, text.replace('<link name="base"/>', link, 1).replace("world", "ground"), "tilted.urdf")
+    for old, new in (
+        ('rpy="0 0 0.3"', f'rpy="{turned(0.3, tilt)}"'),
+        ('rpy="0 0 1.4"', f'rpy="{turned(1.4, tilt)}"'),
+        ("0.28660094673768176 0.08865606199840188 0.1", " ".join(map(repr, pivot.tolist()))),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
     out = tmp_path / "closed.xml"
-    assert close_loops(source, out).reached
+    assert close_loops(written(tmp_path, text, "tilted.urdf"), out).reached
     assert gap(out) <= CLOSED
 
 

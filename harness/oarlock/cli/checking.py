@@ -62,7 +62,14 @@ def refused(file: str, why: InputError | OSError) -> Outcome:
 
     said = one_line(why)
     document = {"file": file, "refused": said}
-    return Outcome(file, BAD_INPUT, f"{file}: refused: {said}", said, document, suite=suite_of_refused(file, said))
+    return Outcome(
+        file,
+        BAD_INPUT,
+        f"{file}: refused: {said.removeprefix(f'{file}: ')}",
+        said,
+        document,
+        suite=suite_of_refused(file, said),
+    )
 
 
 def checked_file(file: str, asked: Asked, report: Path | None) -> Outcome:
