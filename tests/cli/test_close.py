@@ -63,7 +63,7 @@ def test_what_stays_open_is_said_with_status_1(oarlock_here):
     ("arguments", "line"),
     [
         ("gone.xml -o c.xml", "oarlock: no model file 'gone.xml'"),
-        ("open.xml --pair tip1 tip2", "oarlock close: no --out, expected --out OUT.xml"),
+        ("open.xml --pair tip1 tip2", "oarlock: close: no --out, expected --out OUT.xml"),
         ("open.xml -o c.xml --pair tip1", "oarlock: --pair tip1 without another name, expected two: --pair A B"),
         ("open.xml --pair tip1 -o c.xml", "oarlock: --pair tip1 without another name, expected two: --pair A B"),
         ("open.xml --pair -o c.xml", "oarlock"),

@@ -21,7 +21,7 @@ def complaint(error: Any, called: Any) -> str:
         called: the context of the command that was called, for errors that know none.
     """
     context = error.ctx or called
-    return visible(f"{context.command_path}: {_said(error, context)}", LONGEST)
+    return visible(f"{': '.join(context.command_path.split())}: {_said(error, context)}", LONGEST)
 
 
 def _said(error: Any, context: Any) -> str:
