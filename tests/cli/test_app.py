@@ -76,7 +76,13 @@ ENGINES = ["mujoco", "polars", "pydantic", "numpy", "rich.console"]
 
 @pytest.mark.parametrize(
     ("command", "useless"),
-    [("--help", ENGINES), ("list", ["polars"]), ("explain T1", ["mujoco", "polars", "numpy"])],
+    [
+        ("--help", ENGINES),
+        ("list", ["polars"]),
+        ("explain T1", ["mujoco", "polars", "numpy"]),
+        ("--version", ENGINES),
+        ("solvers", ["mujoco", "polars"]),
+    ],
 )
 def test_a_command_waits_for_nothing_that_it_does_not_use(command, useless):
     names = loaded(f"import oarlock.cli.app as a; sys.argv = ['oarlock', *{command.split()}]; a.main()")

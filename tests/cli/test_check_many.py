@@ -1,14 +1,16 @@
 """Several files in one check, and what is written for continuous integration: SARIF, JUnit, the action."""
 
 import json
+import os
 import re
 import shlex
+import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 import yaml
-from mechanisms import four_bar
+from mechanisms import COMMAND, four_bar
 from oarlock.cli.app import app
 from oarlock.diagnosis.verdict.findings import catalogue
 from places import FIXTURES, REPOSITORY
@@ -181,11 +183,31 @@ def test_the_action_calls_the_command_as_it_is():
     steps = action()["runs"]["steps"]
     (script,) = [step["run"] for step in steps if "oarlock check" in step.get("run", "")]
     (line,) = [line for line in script.splitlines() if line.startswith("oarlock check")]
-    words = shlex.split(line.replace("$ARGUMENTS", "--lint").replace('"${files[@]}"', "a.xml b.xml"))
+    words = shlex.split(line.replace('"${arguments[@]}"', "--lint").replace('"${files[@]}"', "a.xml b.xml"))
     parsed = get_command(app).commands["check"].make_context("check", words[2:])
     assert parsed.params["files"] == ["a.xml", "b.xml"]
     assert str(parsed.params["sarif"]) == "$SARIF"
     assert "${{" not in script  # an input in a script is a command that somebody else writes
+
+
+@pytest.mark.parametrize(
+    ("files", "arguments", "status"),
+    [("**/*.xml", "--lint", 1), ("good.xml", "--lint --keyframe none", 0), ("gone.xml", "", 2), ("*.mjcf", "", 2)],
+)
+def test_the_script_of_the_action_runs(tmp_path, files, arguments, status):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "good.xml").write_text(four_bar())
+    (tmp_path / "sub" / "welded.xml").write_bytes(WELDED.read_bytes())
+    (script,) = [step["run"] for step in action()["runs"]["steps"] if "oarlock check" in step.get("run", "")]
+    path = os.pathsep.join([str(COMMAND.parent), os.environ["PATH"]])
+    given = {"FILES": files, "ARGUMENTS": arguments, "SARIF": "out.sarif", "PATH": path}
+    shell = ["bash", "--noprofile", "--norc", "-e", "-o", "pipefail", "-c", script]
+    finished = subprocess.run(
+        shell, cwd=tmp_path, env={**os.environ, **given}, capture_output=True, encoding="utf-8", check=False
+    )
+    assert finished.returncode == status, finished.stderr
+    # A name that is none of a file's is told there, too.
+    assert (tmp_path / "out.sarif").is_file() == ("*.mjcf" not in files)
 
 
 def test_the_example_gives_the_inputs_that_the_action_has():
