@@ -206,7 +206,7 @@ def test_the_script_of_the_action_runs(tmp_path, files, arguments, status):
         shell, cwd=tmp_path, env={**os.environ, **given}, capture_output=True, encoding="utf-8", check=False
     )
     assert finished.returncode == status, finished.stderr
-    # A name that is none of a file's is told there, too.
+    # A file that is not there is named in it, too.
     assert (tmp_path / "out.sarif").is_file() == ("*.mjcf" not in files)
 
 
