@@ -14,6 +14,7 @@ import pytest
 from mechanisms import COMMAND, boat_copy, four_bar, only, write_model
 from oarlock import model_names
 from oarlock.cli.app import COMMANDS
+from oarlock.stepping.solvers import SolverSpec
 from oarlock.tables.folder import ResultFolder
 from tolerances import SOON_S
 
@@ -75,7 +76,13 @@ ENGINES = ["mujoco", "polars", "pydantic", "numpy", "rich.console"]
 
 @pytest.mark.parametrize(
     ("command", "useless"),
-    [("--help", ENGINES), ("list", ["polars"]), ("explain T1", ["mujoco", "polars", "numpy"])],
+    [
+        ("--help", ENGINES),
+        ("list", ["polars"]),
+        ("explain T1", ["mujoco", "polars", "numpy"]),
+        ("--version", ENGINES),
+        ("solvers", ["mujoco", "polars"]),
+    ],
 )
 def test_a_command_waits_for_nothing_that_it_does_not_use(command, useless):
     names = loaded(f"import oarlock.cli.app as a; sys.argv = ['oarlock', *{command.split()}]; a.main()")
@@ -84,7 +91,8 @@ def test_a_command_waits_for_nothing_that_it_does_not_use(command, useless):
 
 
 def test_help_says_of_a_command_what_its_own_help_begins_with(oarlock_here):
-    lines = oarlock_here("--help").stdout.partition("Commands:")[2].split("\n  ")[1:]
+    listed = oarlock_here("--help").stdout.partition("Commands:")[2].partition("Exit status:")[0]
+    lines = listed.split("\n  ")[1:]
     said = {name: words.strip().removesuffix("...") for name, words in (line.split(None, 1) for line in lines)}
     assert list(said) == list(COMMANDS)
     for name, words in said.items():
@@ -94,7 +102,7 @@ def test_help_says_of_a_command_what_its_own_help_begins_with(oarlock_here):
 
 DIFF_FILES = 16
 """Files of ours that are read to compare two folders: of the comparison, of tables and checksums, of errors, text; no
-engine. The command adds its own three."""
+engine. The command adds its own five."""
 
 
 @pytest.mark.parametrize(
@@ -111,7 +119,7 @@ def test_a_comparison_loads_no_engine(pair, code):
     packages = {name.rpartition(".")[0] for name in names}
     files = {name for name in names if name.startswith("oarlock.")} - packages - {"oarlock._core"}
     command = {name for name in files if name.startswith("oarlock.cli.")}
-    assert command <= {"oarlock.cli.app", "oarlock.cli.console", "oarlock.cli.diff"}
+    assert command <= {f"oarlock.cli.{name}" for name in ("app", "console", "diff", "examples", "tables")}
     assert len(files - command) <= DIFF_FILES, files
     assert "mujoco" not in names
 
@@ -222,6 +230,19 @@ def test_divergence_keeps_the_streams_clean(oarlock_command):
     assert all(line.startswith("oarlock: ") for line in finished.stderr.splitlines())
 
 
+def test_solvers_are_those_of_the_registry(oarlock_here):
+    plain, machine = oarlock_here("solvers"), oarlock_here("solvers", "--json")
+    assert (plain.returncode, machine.returncode) == (0, 0)
+    entries = json.loads(machine.stdout)
+    assert [entry["name"] for entry in entries] == oarlock.solver_names()
+    for entry, line in zip(entries, plain.stdout.splitlines()[1:], strict=True):
+        name, options, summary = re.split(r"\s{2,}", line)
+        assert (name, summary) == (entry["name"], entry["summary"])
+        # What is shown can be asked for as it stands.
+        spec = f"{name}:{options.replace(' ', ',')}"
+        assert dict(SolverSpec.parse(spec).options) == entry["options"]
+
+
 # Mistakes.
 
 
@@ -260,25 +281,6 @@ def test_mistakes_are_one_line(oarlock_here, tmp_path, arguments, named):
         finished.stdout = ""  # the table was printed before
     assert named in complaint(finished)
     assert (tmp_path / "taken").read_text() == "mine"
-
-
-@pytest.mark.parametrize("arguments", ["run", "run boat --duration soon", "run boat --bogus", "dance", "list extra"])
-def test_usage_errors(oarlock_here, arguments):
-    finished = oarlock_here(*arguments.split())
-    assert finished.returncode == 2
-    assert finished.stdout == ""
-    assert "Traceback" not in finished.stderr
-    assert "Usage: " in finished.stderr
-
-
-@pytest.mark.parametrize("argument", ["\u202egnp", "\x1b[2J", "a\nb", "9" * 5000])
-@pytest.mark.parametrize("arguments", ["list {}", "check x --seed {}", "run x --{}", "{} x"])
-def test_usage_errors_show_arguments_as_text(oarlock_here, arguments, argument):
-    finished = oarlock_here(*(word.format(argument) for word in arguments.split()))
-    assert finished.returncode == 2
-    lines = finished.stderr.splitlines()
-    assert all(line.isprintable() and len(line) < 1000 for line in lines)
-    assert len(lines) == 4  # how it is used, where the help is, a blank line, what is wrong
 
 
 def test_report_without_results(oarlock_command):

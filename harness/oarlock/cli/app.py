@@ -1,24 +1,22 @@
-"""The command ``oarlock``.
-
-Exit status: 0 all gates held, 1 a gate failed, a run ended otherwise than expected or a comparison got worse, 2 bad
-input, 130 interrupted, 141 reader gone.
-"""
+"""The command ``oarlock``. What its exit status means is a table in ``cli.console``."""
 
 import ast
 import gc
+import platform
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from oarlock.base.errors import InputError, one_line
-from oarlock.base.text import visible
-from oarlock.cli.console import BAD_INPUT, ends, interruptible, say
+from oarlock.cli.console import BAD_INPUT, INTERRUPTED, STATUSES, ends, interruptible, say
+from oarlock.cli.examples import EXAMPLES
 
 COMMANDS = {
     "list": "models.list_models",
@@ -28,9 +26,11 @@ COMMANDS = {
     "bench": "bench.bench",
     "suite": "suite.suite",
     "check": "check.check",
+    "close": "close.close",
     "diff": "diff.diff",
     "sample": "sample.sample",
     "explain": "explain.explain",
+    "solvers": "solvers.solvers",
     "export-problems": "problems.export_problems",
 }
 """Name of a command → its file in this folder and its function there, which are loaded when it is called."""
@@ -45,7 +45,9 @@ class _Commands(Mapping[str, Any]):
         module, _, function = COMMANDS[name].partition(".")
         only = typer.Typer(**_SETTINGS)
         with ends():  # also while it is loaded
-            only.command(name)(getattr(import_module(f"oarlock.cli.{module}"), function))
+            loaded = import_module(f"oarlock.cli.{module}")
+            reader = getattr(loaded, "Reader", None)  # of arguments that typer has no form for
+            only.command(name, cls=reader, epilog=f"Example: {EXAMPLES[name]}")(getattr(loaded, function))
         gc.freeze()  # what was imported stays: no collection of garbage need walk through it
         return typer.main.get_command(only)
 
@@ -69,9 +71,6 @@ def _described(name: str) -> Any:
 _UsageError: Any = typer.BadParameter.__mro__[1]
 """What typer raises of arguments that it does not understand; it has no name for it of its own."""
 
-_LONGEST_USAGE = 500
-"""Characters of what is said of them."""
-
 
 class _Group(TyperGroup):
     def __init__(self, **settings: Any):
@@ -80,26 +79,57 @@ class _Group(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Lists the commands without loading them."""
+        with self._described():
+            super().format_commands(ctx, formatter)
+
+    def shell_complete(self, ctx: Any, incomplete: str) -> Any:
+        """Completes the name of a command without loading any."""
+        with self._described():
+            return super().shell_complete(ctx, incomplete)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Says what the exit status means."""
+        with formatter.section("Exit status"):
+            formatter.write_dl([(str(status), meaning) for status, meaning in STATUSES.items()])
+
+    @contextmanager
+    def _described(self) -> Iterator[None]:
         whole, self.commands = self.commands, {name: _described(name) for name in COMMANDS}
-        super().format_commands(ctx, formatter)
-        self.commands = whole
-
-    def invoke(self, ctx: Any) -> Any:
-        """Runs the command that was asked for; what is said of its arguments is visible, whatever is in them."""
         try:
-            return super().invoke(ctx)
-        except _UsageError as error:
-            said: Any = error
-            said.message = visible(said.message, _LONGEST_USAGE)
-            raise
+            yield
+        finally:
+            self.commands = whole
 
 
-app = typer.Typer(cls=_Group, no_args_is_help=True, **_SETTINGS)
+app = typer.Typer(cls=_Group, no_args_is_help=True, suggest_commands=False, **{**_SETTINGS, "add_completion": True})
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        from oarlock.base.core import VERSION
+
+        print(f"oarlock {VERSION}, mujoco {version('mujoco')}, python {platform.python_version()}")
+        raise typer.Exit
 
 
 @app.callback()
-def oarlock() -> None:
+def oarlock(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print versions and exit.")
+    ] = False,
+) -> None:
     """Cross-validates closed-chain MuJoCo models: exact constraint multipliers against MuJoCo, step by step."""
+
+
+def _called(arguments: list[str]) -> Any:
+    """The context of the command that some arguments call."""
+    whole: Any = typer.main.get_command(app)
+    name = next((word for word in arguments if word in COMMANDS), None)
+    if name is None:
+        return typer.Context(whole, info_name="oarlock")
+    return typer.Context(whole.commands[name], info_name=f"oarlock {name}")
 
 
 def main() -> None:
@@ -109,7 +139,18 @@ def main() -> None:
     warnings.showwarning = lambda message, *_: say(f"oarlock: {one_line(message)}")
     try:
         with interruptible():
-            app(standalone_mode=True)
+            status = app(prog_name="oarlock", standalone_mode=False)
+        sys.exit(status if isinstance(status, int) else 0)
+    except _UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            error.show()
+        else:
+            from oarlock.cli.usage import complaint
+
+            say(complaint(error, _called(sys.argv[1:])))
+        sys.exit(BAD_INPUT)
+    except typer.Abort:
+        sys.exit(INTERRUPTED)
     except (InputError, OSError, Warning) as error:  # a warning is an error if Python was told so
         say(f"oarlock: {one_line(error)}")
         sys.exit(BAD_INPUT)

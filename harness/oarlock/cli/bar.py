@@ -3,13 +3,12 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
 from oarlock.base.progress import Progress
 from oarlock.base.text import visible
-from oarlock.cli.console import say
+from oarlock.cli.console import console, say, text_only
 
 
 class _Bar(Progress):
@@ -46,10 +45,17 @@ class _Notes(Progress):
 
 
 @contextmanager
-def bar(*, always: bool = False) -> Iterator[Progress]:
-    """A progress bar on standard error, where somebody looks at one; elsewhere its lines if ``always``, or notes."""
-    stream = Console(stderr=True)
+def bar(*, always: bool = False, quiet: bool = False) -> Iterator[Progress]:
+    """A progress bar on standard error, where somebody looks at one; elsewhere its lines if ``always``, or notes.
+
+    Nothing of that if ``quiet``.
+    """
+    if quiet:
+        yield Progress()
+        return
+    stream = console(error=True)
+    watched = stream.is_terminal and not text_only()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     times = (TimeElapsedColumn(), TimeRemainingColumn())
-    with Bars(*columns, *times, console=stream, transient=True, disable=not stream.is_terminal) as bars:
-        yield _Bar(bars) if always or stream.is_terminal else _Notes()
+    with Bars(*columns, *times, console=stream, transient=True, disable=not watched) as bars:
+        yield _Bar(bars) if always or watched else _Notes()

@@ -1,15 +1,13 @@
 """``oarlock bench``: tables of costs."""
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from oarlock.base.numbers import short
-from oarlock.cli.console import JsonOption, emit_json, ends, say
+from oarlock.cli.console import JsonOption, QuietOption, emit_json, ends, say
+from oarlock.cli.tables import print_table
 
 
 @ends()
@@ -36,6 +34,7 @@ def bench(
     ] = 1.0,
     rounds: Annotated[int, typer.Option(min=1, help="Interleaved rounds, of which the median counts.")] = 9,
     as_json: JsonOption = None,
+    quiet: QuietOption = False,
 ) -> None:
     """Times solvers beside the pseudo-inverses of Rust's libraries, and steps beside mj_step, as ratios of one run.
 
@@ -57,7 +56,7 @@ def bench(
         if as_json != "-":
             _print_stepping_bench(table)
     if growing:
-        grown = _measured(family, rounds, budget)
+        grown = _measured(family, rounds, budget, quiet)
         if as_json != "-":
             _print_growth(grown)
     document = benchmark.document(rows, steps, grown)
@@ -69,7 +68,7 @@ def bench(
         say(f"oarlock: written: {write_growth_report(grown, document['provenance'], growth_report) / 'README.md'}")
 
 
-def _measured(family: list[str] | None, rounds: int, budget_s: float) -> dict[str, Any]:
+def _measured(family: list[str] | None, rounds: int, budget_s: float, quiet: bool) -> dict[str, Any]:
     from oarlock.base.errors import InputError
     from oarlock.bench.budget import Budget
     from oarlock.bench.families import families
@@ -78,7 +77,7 @@ def _measured(family: list[str] | None, rounds: int, budget_s: float) -> dict[st
 
     if not 0 < budget_s < float("inf"):
         raise InputError(f"budget = {budget_s} s, expected a positive number")
-    with bar() as progress:
+    with bar(quiet=quiet) as progress:
         return measure(families(family), rounds, Budget(budget_s), progress)
 
 
@@ -90,40 +89,34 @@ def _print_growth(grown: dict[str, Any]) -> None:
     fits = {(row["family"], row["name"], row["part"]): row for row in grown["exponents"]}
     for family in grown["families"]:
         title = f"{family['name']}: {family['title']}; ratios to {BARE}"
-        table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left")
-        table.add_column("model", no_wrap=True)
-        for name in (BARE, FASTEST, *SOLVERS):
-            table.add_column(name.removeprefix(f"{BARE} at "), justify="right", no_wrap=True)
+        names = (BARE, FASTEST, *SOLVERS)
+        head, table = ["model", *(name.removeprefix(f"{BARE} at ") for name in names)], []
         for own in by_size(of_family(grown["rows"], family["name"])).values():
             ratios = [short(own[name]["ratio"]) for name in (FASTEST, *SOLVERS)]
-            table.add_row(own[BARE]["model"], f"{short(own[BARE]['step_us'])} µs", *ratios)
-        powers = [short(fits[(family["name"], name, STEP)]["all"]) for name in (BARE, FASTEST, *SOLVERS)]
-        table.add_row("exponent", *powers)
-        (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+            table.append([own[BARE]["model"], f"{short(own[BARE]['step_us'])} µs", *ratios])
+        table.append(["exponent", *(short(fits[(family["name"], name, STEP)]["all"]) for name in names)])
+        print(title)
+        print_table(head, table)
 
 
 def _print_stepping_bench(rows: list[dict[str, Any]]) -> None:
-    table = Table(box=None, header_style="bold", pad_edge=False, title=rows[0]["model"], title_justify="left")
-    table.add_column("a step of", no_wrap=True)
-    for title in ("time", "to mj_step", "to its fastest setting", "cores gain"):
-        table.add_column(title, justify="right", no_wrap=True)
+    table = []
     for row in rows:
         gain = f"{row['speedup']:.2f} ×" if row["speedup"] else ""
         ratios = (f"{row['ratio']:.2f}", f"{row['ratio_to_fastest']:.2f}", gain)
-        table.add_row(row["name"], f"{row['step_us']:.2f} µs", *ratios)
-    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+        table.append([row["name"], f"{row['step_us']:.2f} µs", *ratios])
+    print(rows[0]["model"])
+    print_table(["a step of", "time", "to mj_step", "to its fastest setting", "cores gain"], table)
 
 
 def _print_bench(rows: list[dict[str, Any]]) -> None:
     columns = ["from the step", "ratio", "from A and b", "ratio", "min-norm error", "contradicted", "products"]
-    table = Table(box=None, header_style="bold", pad_edge=False, title=f"n = {rows[0]['n']}", title_justify="left")
-    table.add_column("solver", no_wrap=True)
-    for title in columns:
-        table.add_column(title, justify="right", no_wrap=True)
+    table = []
     best = min((row for row in rows if row["right"] and not row["library"]), key=lambda row: row["solve_ns"])
     for row in rows:
         mark = " *" if row is best else "" if row["right"] else " (not the minimum norm)"
         cells = [f"{row['solve_ns']:.0f} ns", f"{row['solve_ratio']:.3f}", f"{row['given_ns']:.0f} ns"]
         cells += [f"{row['given_ratio']:.3f}", f"{row['min_norm_error']:.1e}", f"{row['contradicted_error']:.1e}"]
-        table.add_row(row["name"] + mark, *cells, f"{row['products']:.1f}")
-    (Console() if sys.stdout.isatty() else Console(width=200)).print(table)
+        table.append([row["name"] + mark, *cells, f"{row['products']:.1f}"])
+    print(f"n = {rows[0]['n']}")
+    print_table(["solver", *columns], table)

@@ -1,19 +1,16 @@
 """The chapters of an examination on a terminal: sentences and short tables, without explanations and figures."""
 
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rich.cells import cell_len
-from rich.table import Table as Grid
 from rich.text import Text as Line
 
 from oarlock.base.errors import few
-from oarlock.base.text import visible
 from oarlock.cli.console import console, shown
+from oarlock.cli.tables import print_table
 
 if TYPE_CHECKING:
-    from oarlock.diagnosis.page.blocks import Chapter, Item, Table
+    from oarlock.diagnosis.page.blocks import Chapter, Item
 
 _COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
 
@@ -21,6 +18,11 @@ _COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
 def print_line(text: str) -> None:
     """Prints a line, however long it is."""
     console().print(shown(text), soft_wrap=True)
+
+
+def print_heading(text: str) -> None:
+    """Prints a line that stands over others."""
+    console().print(Line(shown(text).plain, style="bold"), soft_wrap=True)
 
 
 def print_chapter(chapter: "Chapter") -> None:
@@ -31,34 +33,12 @@ def print_chapter(chapter: "Chapter") -> None:
         if block.kind == "text" and not block.detail:
             print_line(block.text)
         elif block.kind == "table" and block.short is not None:
-            _print_table(block.short)
+            print_table(block.short.head, block.short.rows, block.short.words)
         elif block.kind == "code":
             for line in block.text.splitlines():
                 print_line(f"    {line}")
         elif block.kind == "findings":
             _print_findings(block.items)
-
-
-def _print_table(table: "Table") -> None:
-    if not sys.stdout.isatty():
-        _print_plainly(table)
-        return
-    grid = Grid(box=None, header_style="bold", pad_edge=False)
-    for place, title in enumerate(table.head):
-        grid.add_column(title, justify="left" if place < table.words else "right", overflow="fold")
-    for row in table.rows:
-        grid.add_row(*map(shown, row))
-    console().print(grid)
-
-
-def _print_plainly(table: "Table") -> None:
-    """Prints a table as a terminal wide enough would show it, to whoever reads files: laid out in far less time."""
-    lines = [list(map(str, table.head)), *([visible(cell) for cell in row] for row in table.rows)]
-    widths = [max(map(cell_len, column)) for column in zip(*lines, strict=True)]
-    for line in lines:
-        room = [" " * (width - cell_len(cell)) for cell, width in zip(line, widths, strict=True)]
-        cells = [c + r if at < table.words else r + c for at, (c, r) in enumerate(zip(line, room, strict=True))]
-        print("  ".join(cells))
 
 
 def _print_findings(items: "Sequence[Item]") -> None:

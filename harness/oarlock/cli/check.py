@@ -1,25 +1,27 @@
 """``oarlock check``: what it prints, and its exit status."""
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 
 from oarlock.base.errors import InputError
-from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, emit_json, ends, say
+from oarlock.base.files import write_text
+from oarlock.base.text import json_visible
+from oarlock.cli.checking import Asked, Outcome, checked_file, refused
+from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, emit_json, ends, say
 from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
-from oarlock.diagnosis.checked import begun, judged, parts
 from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
-
-if TYPE_CHECKING:
-    from oarlock.diagnosis.checked import Checked
-    from oarlock.diagnosis.examination import Examination
 
 
 @ends()
 def check(
-    file: Annotated[str, typer.Argument(metavar="FILE.xml", help="MJCF with loops closed by equalities, or a MODEL.")],
+    files: Annotated[
+        list[str], typer.Argument(metavar="FILE.xml…", help="MJCF with loops closed by equalities, or MODELs.")
+    ],
     keyframe: KeyframeOption = None,
     controls: ControlsOption = None,
     control: ControlOption = None,
@@ -65,16 +67,24 @@ def check(
         Path | None, typer.Option(metavar="OUT.xml", help="One file with everything that helps, tried and checked.")
     ] = None,
     report: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="A page with figures: HTML, and Markdown with SVG.")
+        Path | None,
+        typer.Option(metavar="DIR", help="A page with figures: HTML, and Markdown with SVG; of several a folder each."),
     ] = None,
     as_json: JsonOption = None,
+    sarif: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the findings as SARIF, with the lines they are about.")
+    ] = None,
+    junit: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write JUnit XML: a suite a file, a test case a finding.")
+    ] = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Why do the loops of a model come apart, and what would hold them?
 
     Status 1: --fail-above was exceeded, --lint found an error, or a file that was asked for does not hold the target.
+    Of several files each is checked, whatever the others are; the status is the worst, the JSON a list.
     """
-    printing = as_json != "-"
     options = CheckOptions(
         keyframe=keyframe,
         controls=controls,
@@ -91,43 +101,39 @@ def check(
         lint=lint,
         hold=None if not hold else [] if hold == ["none"] else hold,
     )
+    copies = {"--write-keyframe": write_keyframe, "--write-tuned": write_tuned, "--fix": fix}
+    copies = {flag: path for flag, path in copies.items() if path is not None}
     if lint:
-        _require_alone(
-            {"--report": report, "--write-keyframe": write_keyframe, "--write-tuned": write_tuned, "--fix": fix}
-            | {"--fail-above": fail_above}
-        )
-    exam = begun(file, options)
-    _require_places(exam, [path for path in (write_keyframe, write_tuned, fix) if path])
-    checked = _examined(exam)
+        _require_alone({**copies, "--report": report, "--fail-above": fail_above})
+    several = len(files) > 1
+    if several and copies:
+        raise InputError(f"{next(iter(copies))} with {len(files)} files, expected one file to copy")
+    wanted = {"json": as_json, "sarif": sarif, "junit": junit}
+    printing = as_json != "-"
+    asked = Asked(options, copies, printing, quiet, frozenset(name for name, to in wanted.items() if to))
+    outcomes = []
+    for file, folder in zip(files, _folders(files, report), strict=True):
+        if several and printing:
+            _print_heading(file, first=not outcomes)
+        outcomes.append(_one(file, asked, folder))
+    if as_json and several:
+        emit_json([outcome.json for outcome in outcomes], as_json)
+    elif as_json and not outcomes[0].refused:
+        emit_json(outcomes[0].json, as_json)
+    _write(outcomes, sarif, junit)
     if printing:
-        _print(checked)
-    kept = [
-        write_keyframe is None or _written(write_keyframe, lambda path: _write_keyframe(exam, path)),
-        write_tuned is None or _written(write_tuned, lambda path: _write_tuned(exam, path)),
-        fix is None or _written(fix, lambda path: _fix(checked, path, printing)),
-    ]
-    if report:
-        say(f"oarlock: {checked.report(report)}")
-    if as_json:
-        emit_json(checked.document(), as_json)
-    if lint and any(finding.severity == "error" for finding in checked.verdict):
-        raise typer.Exit(GATE_FAILED)
-    above = [finding for finding in checked.verdict if finding.code == "D7"]
-    if above:
-        say(f"oarlock: {above[0]}")
-    if above or not all(kept):
-        raise typer.Exit(GATE_FAILED)
+        _print_verdicts(outcomes)
+    if status := max(outcome.status for outcome in outcomes):
+        raise typer.Exit(status)
 
 
-def _examined(exam: "Examination") -> "Checked":
-    from oarlock.cli.bar import bar
-    from oarlock.diagnosis.examination import PARTS
-
-    with bar() as progress:
-        progress.begin("checking", len(PARTS))
-        for _ in parts(exam):
-            progress.advance(1)
-        return judged(exam)
+def _one(file: str, asked: Asked, report: Path | None) -> Outcome:
+    try:
+        return checked_file(file, asked, report)
+    except (InputError, OSError) as error:
+        outcome = refused(file, error)
+        say(f"oarlock: {outcome.refused}")
+        return outcome
 
 
 def _require_alone(others: Mapping[str, object]) -> None:
@@ -136,76 +142,48 @@ def _require_alone(others: Mapping[str, object]) -> None:
             raise InputError(f"{flag} with --lint, expected one of the two: it shows a run")
 
 
-def _print(checked: "Checked") -> None:
-    """The answer first; what it rests on after it."""
-    from oarlock.cli.blocks import print_chapter, print_line
-    from oarlock.diagnosis.page.chapters.contents import chapters
-    from oarlock.diagnosis.page.chapters.findings import findings
-    from oarlock.diagnosis.page.chapters.head import head
-
-    exam = checked.examination
-    print_line(checked.answer)
-    print_line(head(exam))
-    print_chapter(findings(checked.verdict))
-    if not exam.options.lint:
-        for chapter in chapters(exam):
-            print_chapter(chapter)
+def _folders(files: Sequence[str], report: Path | None) -> list[Path | None]:
+    """Where the page of every file goes: of several into folders of their own, named after the files."""
+    if report is None or len(files) == 1:
+        return [report] * len(files)
+    names = list[str]()
+    for file in files:
+        stem = Path(file).stem or "model"
+        numbered = (f"{stem}-{number}" for number in itertools.count(2))
+        names.append(next(name for name in itertools.chain([stem], numbered) if name not in names))
+    return [report / name for name in names]
 
 
-def _require_places(exam: "Examination", paths: Sequence[Path]) -> None:
-    """Refuses files that cannot be written before anything takes time."""
-    if paths:
-        from oarlock.diagnosis.edit.place import require_place
+def _print_heading(file: str, first: bool) -> None:
+    from oarlock.cli.blocks import print_heading, print_line
 
-        for path in paths:
-            require_place(exam.path, path)
-
-
-def _written(target: Path, write: Callable[[Path], bool]) -> bool:
-    """Says whether a copy holds what it should; the report and the JSON are had without it, too."""
-    try:
-        return write(target)
-    except InputError as error:
-        say(f"oarlock: '{target}' is not written: {error}")
-        return False
+    if not first:
+        print_line("")
+    print_heading(file)
 
 
-def _write_keyframe(exam: "Examination", target: Path) -> bool:
-    from oarlock.diagnosis.edit.keyframe import source_key, write_keyframe
-
-    pose = exam.pose
-    if pose is None or not pose.closed:
-        raise InputError("no pose near the start closes the loops")
-    name = write_keyframe(exam.path, target, pose.qpos, pose.qvel, like=source_key(exam.model, exam.options.keyframe))
-    say(f"oarlock: {target}: keyframe '{name}'")
-    return True
-
-
-def _write_tuned(exam: "Examination", target: Path) -> bool:
-    """Says whether the settings hold the target; the best ones are written anyway."""
-    from oarlock.diagnosis.edit.tuned import write_tuned
-
-    recipe = exam.recipe
-    if recipe is None:
-        raise InputError(exam.missing.get("remedy", "no settings were looked for"))
-    for path in write_tuned(exam.path, target, recipe.chosen.setting):
-        say(f"oarlock: {path}")
-    if not recipe.reached:
-        say(f"oarlock: warning: {target} does not hold {recipe.target:g}: {recipe.reason}")
-    return recipe.reached
-
-
-def _fix(checked: "Checked", target: Path, printing: bool) -> bool:
-    """Says whether the fixed file holds what it should."""
+def _print_verdicts(outcomes: Sequence[Outcome]) -> None:
+    """A line a file, after all else."""
     from oarlock.cli.blocks import print_line
 
-    fixed = checked.fix(target)
-    if printing:
-        print_line(f"Fixed: {target}")
-        for line in fixed.told():
-            print_line(line)
-    else:
-        say(f"oarlock: {target}")
-    if not fixed.reached:
-        say(f"oarlock: warning: {target}: {fixed.reason}")
-    return fixed.reached
+    if len(outcomes) > 1:
+        print_line("")
+    for outcome in outcomes:
+        if len(outcomes) > 1 or not outcome.refused:
+            print_line(outcome.verdict)
+
+
+def _write(outcomes: Sequence[Outcome], sarif: Path | None, junit: Path | None) -> None:
+    """Writes the documents of all files."""
+    if sarif:
+        from oarlock.diagnosis.page.sarif import sarif as document
+
+        results: list[dict[str, Any]] = [result for outcome in outcomes for result in outcome.sarif]
+        left = [(outcome.file, outcome.refused) for outcome in outcomes if outcome.refused]
+        text = json.dumps(document(results, left), indent=1, ensure_ascii=False, allow_nan=False)
+        write_text(sarif, json_visible(text) + "\n", named=True)
+    if junit:
+        from oarlock.base.junit import junit as render
+
+        suites = [outcome.suite for outcome in outcomes if outcome.suite]
+        write_text(junit, render("oarlock check", suites), named=True)

@@ -22,12 +22,27 @@ if TYPE_CHECKING:
 
 GATE_FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 1, 2, 130, 141
 
+STATUSES = {
+    0: "all that was asked for held",
+    GATE_FAILED: "a gate failed, a bound was exceeded, a run ended otherwise than expected, a comparison got worse, "
+    "or what was asked for cannot be had",
+    BAD_INPUT: "bad input: one line on standard error names it and says what was expected",
+    INTERRUPTED: "interrupted; what was finished is kept",
+    READER_GONE: "whoever read the output has gone",
+}
+"""Exit status of every command → what it means."""
+
 WIDE = 1000
 """Columns of a table that no terminal shows: wide enough for every reference and tag."""
 
 JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE|-", help="Write the summary as JSON; - is standard output."),
+]
+
+
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No progress and no notes of it; results, warnings and errors stay.")
 ]
 
 
@@ -123,8 +138,18 @@ def shown(text: str) -> "Text":
     return Text(visible(text))
 
 
-def console() -> "Console":
-    """Standard output. Without a terminal a table must not be cut to the width of one."""
+def console(*, error: bool = False) -> "Console":
+    """Standard output, or standard error. Without a terminal a table must not be cut to the width of one.
+
+    Nothing is coloured or bold where NO_COLOR is set, or on a terminal that shows only text.
+    """
     from rich.console import Console
 
-    return Console() if sys.stdout.isatty() else Console(width=WIDE)
+    colours = None if os.environ.get("NO_COLOR") or text_only() else "auto"
+    wide = None if (sys.stderr if error else sys.stdout).isatty() else WIDE
+    return Console(stderr=error, color_system=colours, width=wide)
+
+
+def text_only() -> bool:
+    """Whether the terminal shows text and nothing that moves or has colours."""
+    return os.environ.get("TERM", "") in ("dumb", "unknown")

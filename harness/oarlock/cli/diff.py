@@ -1,14 +1,12 @@
 """``oarlock diff``: what it prints, and its exit status."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
-from rich.text import Text
 
 from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, say, shown
+from oarlock.cli.tables import print_table
 
 if TYPE_CHECKING:
     from oarlock.compare.compare import Difference
@@ -64,15 +62,7 @@ def _print(found: "Difference", limit: int) -> None:
         out.print(shown(origin.line(found.matched)), soft_wrap=True)
     changes = found.changes[: limit or None]
     if changes:
-        table = Table(box=None, header_style="bold", pad_edge=False)
-        for title in COLUMNS:
-            # A terminal may be too narrow for the names of runs: they go on in the next line.
-            table.add_column(title, justify="left" if title in COLUMNS[:4] else "right", overflow="fold")
-        for one in changes:
-            verdict, *rest = cells(one)
-            style = _COLOURS.get(verdict, "") if sys.stdout.isatty() else ""
-            table.add_row(Text(verdict, style=style), *(shown(text) for text in rest))
-        out.print(table)
+        print_table(COLUMNS, [cells(one) for one in changes], 4, style=lambda row: _COLOURS.get(str(row[0]), ""))
     if len(found.changes) > len(changes):
         out.print(shown(f"and {len(found.changes) - len(changes)} more changes (--limit 0 prints all)"))
     for figure, factor in found.timings.items():

@@ -5,9 +5,8 @@ import sys
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
-from oarlock.cli.console import console, emit_json, ends
+from oarlock.cli.console import emit_json, ends
 
 
 @ends()
@@ -26,9 +25,7 @@ def explain(
     elif entry is not None:
         print(entry.text(shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH))
     else:
-        table = Table(box=None, header_style="bold", pad_edge=False)
-        for title in ("code", "name", "severity", "what is the matter"):
-            table.add_column(title, no_wrap=title != "what is the matter")
-        for one in catalogue().values():
-            table.add_row(one.code, one.name, one.severity, one.title)
-        console().print(table)
+        from oarlock.cli.tables import print_table
+
+        head = ("code", "name", "severity", "what is the matter")
+        print_table(head, [(one.code, one.name, one.severity, one.title) for one in catalogue().values()], len(head))

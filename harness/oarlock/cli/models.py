@@ -4,10 +4,10 @@ import sys
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from oarlock.base.numbers import short
-from oarlock.cli.console import console, emit_json, ends, shown
+from oarlock.cli.console import emit_json, ends
+from oarlock.cli.tables import print_table
 
 
 @ends()
@@ -21,12 +21,8 @@ def list_models(
     if as_json:
         emit_json(entries, "-")
         return
-    table = Table(box=None, header_style="bold", pad_edge=False)
     names = ["name", "title", "nq", "nv", "rows", "rank", "redundancy", "dof"]
     if not sys.stdout.isatty():
         names += ["reference", "tags"]  # longer than a terminal is wide
-    for name in names:
-        table.add_column(name, no_wrap=name != "title")
-    for entry in entries:
-        table.add_row(*(shown(", ".join(v) if isinstance(v := entry[name], list) else short(v)) for name in names))
-    console().print(table)
+    rows = [[", ".join(v) if isinstance(v := entry[name], list) else short(v) for name in names] for entry in entries]
+    print_table(names, rows, words=2)

@@ -9,7 +9,7 @@ import typer
 from oarlock.base.text import visible
 from oarlock.cases.motion import Motion
 from oarlock.cli.bar import bar
-from oarlock.cli.console import ends
+from oarlock.cli.console import QuietOption, ends
 from oarlock.cli.motion import ControlOption, KeyframeOption, SeedOption, given_controls
 
 
@@ -35,11 +35,12 @@ def new(
     ] = None,
     control: ControlOption = None,
     seed: SeedOption = 0,
+    quiet: QuietOption = False,
 ) -> None:
     """Writes the case of a model: a folder with a self-contained copy, case.toml and README.md."""
     from oarlock.scaffold.scaffold import models_folder, new_model
 
-    with bar() as progress:
+    with bar(quiet=quiet) as progress:
         asked = Motion(keyframe, controls, given_controls(control), seed)
         folder, scaffold = new_model(name, file, to, progress, outside=outside, asked=asked)
     for line in scaffold.lines():

@@ -28,10 +28,7 @@ def export_problems(
     seed: SeedOption = 0,
     no_code: NoCodeOption = False,
 ) -> None:
-    """A, b, J, M, null space and multipliers of every step of a run: problems for solvers of one's own.
-
-    Example: oarlock export-problems boat --duration 0.1 -o boat.npz
-    """
+    """A, b, J, M, null space and multipliers of every step of a run: problems for solvers of one's own."""
     from oarlock.experiments.problems import COLUMNS, export_problems, require_ending
 
     require_ending(out)

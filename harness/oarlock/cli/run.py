@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated, get_args
 
 import typer
-from rich.table import Table
 
 from oarlock.base.errors import InputError
 from oarlock.base.numbers import short
@@ -13,23 +12,29 @@ from oarlock.cases.case import load_case
 from oarlock.cases.case_file import Stabilisation
 from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
-from oarlock.cli.console import GATE_FAILED, JsonOption, NoCodeOption, console, emit_json, ends, one_of, say, shown
+from oarlock.cli.console import (
+    GATE_FAILED,
+    JsonOption,
+    NoCodeOption,
+    QuietOption,
+    emit_json,
+    ends,
+    one_of,
+    say,
+)
 from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
+from oarlock.cli.tables import print_table
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
 from oarlock.experiments.options import FORMS, RunOptions, Stepping
-from oarlock.experiments.outcome import COLUMNS, Results, glance
+from oarlock.experiments.outcome import COLUMNS, WORDS, Results, glance
 from oarlock.render.folder import CONTENTS, require_report
 from oarlock.tables.promise import doubts
 
 
 def _print_summary(results: Results) -> None:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in COLUMNS.values():
-        table.add_column(title, justify="left" if title in ("run", "status") else "right", no_wrap=True)
-    for row in results.rows:
-        table.add_row(*(shown(short(value)) for value in glance(row)))
-    console().print(table)
+    rows = [[short(value) for value in glance(row)] for row in results.rows]
+    print_table(list(COLUMNS.values()), rows, WORDS)
     integrators = ", ".join(dict.fromkeys(row["integrator"] for row in results.rows))
     print(visible(f"{results.motion}; integrator {integrators}"))
 
@@ -73,6 +78,7 @@ def run(
     ] = None,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Runs a model's comparison. With none of the options before --keyframe it runs the experiments of its case."""
     options = RunOptions(
@@ -95,7 +101,7 @@ def run(
     folder = out or Path("results") / load_case(model).slug
     if to:
         _require_place(to, folder)
-    with bar() as progress:
+    with bar(quiet=quiet) as progress:
         if out is None and not replace:
             results = session.run_beside(model, options, folder, progress)
         else:
@@ -125,6 +131,8 @@ def run(
         )
     if to:
         say(f"oarlock: written: {results.report(to) / 'README.md'}")
+    if as_json != "-":
+        print(visible(results.answer))
     if results.failures or lost:
         raise typer.Exit(GATE_FAILED)
 

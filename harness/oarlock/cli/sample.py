@@ -26,22 +26,17 @@ def sample(
     no_code: NoCodeOption = False,
 ) -> None:
     """Consistent states of a mechanism: closed positions inside of all ranges, and velocities that the loops admit."""
-    from rich.table import Table
-
     from oarlock.base.numbers import short
+    from oarlock.cli.tables import print_table
     from oarlock.diagnosis.sampling import sample as draw
 
     drawn = draw(file, count, seed, speed=speed, branches=branches, keyframe=keyframe)
     if as_json != "-":
         console().print(shown(drawn.said()), soft_wrap=True)
         for frame in (drawn.branches, drawn.coverage):
-            table = Table(box=None, header_style="bold", pad_edge=False)
-            for name in frame.columns:
-                table.add_column(name.replace("_", " "), no_wrap=True)
-            for row in frame.rows():
-                table.add_row(*(shown(short(value)) for value in row))
-            console().print()
-            console().print(table)
+            print()
+            head = [name.replace("_", " ") for name in frame.columns]
+            print_table(head, [[short(value) for value in row] for row in frame.rows()])
     if out:
         say(f"oarlock: {drawn.save(out)}")
     if report:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli.bar import bar
-from oarlock.cli.console import JsonOption, NoCodeOption, emit_json, ends, say
+from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, emit_json, ends, say
 
 if TYPE_CHECKING:
     from oarlock.batch.suite import Suite
@@ -34,6 +34,7 @@ def suite(
     ] = None,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Do everything anew, also what is finished.")] = False,
     unit_timeout: Annotated[
         float,
@@ -64,7 +65,7 @@ def suite(
         "fresh": fresh,
         "unit_timeout": unit_timeout,
     }
-    with bar(always=True) as progress:
+    with bar(always=True, quiet=quiet) as progress:
         if sweep:
             found = session.sweep(models or [], sweep, progress=progress, **wanted)
         else:

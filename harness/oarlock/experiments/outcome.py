@@ -1,5 +1,6 @@
 """What the runs of a case gave, and how it is judged."""
 
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,14 +20,17 @@ COLUMNS = {
     "run": "run",
     "status": "status",
     "iterations_mean": "iterations",
-    "min_norm_error_max": "min-norm error",
-    "qacc_rel_diff_max": "qacc diff",
-    "drift_pos_max": "drift",
-    "energy_drift_rel": "energy drift",
-    "error_estimate_max": "own error",
-    "truth_error_max": "truth error",
+    "min_norm_error_max": "min-norm error (rel)",
+    "qacc_rel_diff_max": "qacc diff (rel)",
+    "drift_pos_max": "drift (m, rad)",
+    "energy_drift_rel": "energy drift (rel)",
+    "error_estimate_max": "own error (m, rad)",
+    "truth_error_max": "truth error (m, rad)",
 }
-"""Figure of the summary → title, of what is shown of a run at a glance."""
+"""Figure of the summary → title with its unit, of what is shown of a run at a glance."""
+
+WORDS = 2
+"""So many of ``COLUMNS`` hold words; the others hold figures."""
 
 
 def glance(row: dict[str, Any]) -> list[Any]:
@@ -89,6 +93,19 @@ class Results(Answer):
     def lost(self) -> list[dict[str, Any]]:
         """Rows of the runs that ended neither ``done`` nor as their case expects."""
         return [row for row in self.rows if unexpected(self.case, row)]
+
+    @property
+    def answer(self) -> str:
+        """How the runs ended and whether the gates of the case hold, in one line."""
+        ends = Counter(row["status"] for row in self.rows)
+        said = [f"{len(self.rows)} runs: {', '.join(f'{count} {status}' for status, count in ends.items())}"]
+        said[0] += f"; {len(self.lost)} not as expected" if self.lost else ""
+        judged = [verdict for verdict in self.verdicts if verdict.held is not None]
+        if judged:
+            failed = len(self.failures)
+            said.append(f"{failed} of {len(judged)} gates do not hold" if failed else f"all {len(judged)} gates hold")
+        unchecked = len(self.verdicts) - len(judged)
+        return "; ".join([*said, *([f"{unchecked} gates not checked"] if unchecked else [])])
 
     def document(self) -> dict[str, Any]:
         """The summary JSON: provenance, a dictionary a run, and the gates."""

@@ -18,10 +18,15 @@ from oarlock.mechanics.given import COMPILED, compiled_at
 from oarlock.mechanics.limits import require_moderate, require_moderate_model
 
 
-def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
+def load_model(path: Path, parameters: dict[str, Number] | None = None, *, closed: bool = True) -> mujoco.MjModel:
     """Loads an MJCF file, or builds the model of a ``model.py`` by its ``build(**parameters) -> mujoco.MjSpec``.
 
     A file of ``mechanics.given`` that stands for a compiled model gives a copy of that.
+
+    Args:
+        path: the file.
+        parameters: of ``build``.
+        closed: whether there must be an equality.
 
     Raises:
         InputError: the file is missing or malformed, ``build`` refuses the parameters, a number is not finite, or the
@@ -52,7 +57,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
                 "inertias and armatures > 0"
             )
         warnings.warn(f"{path}: MuJoCo warns: {one_line(text)}", stacklevel=2)
-    if model.neq == 0:
+    if model.neq == 0 and closed:
         raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop")
     if model.nv == 0:
         raise InputError(f"{path}: no joint, expected a mechanism that can move")

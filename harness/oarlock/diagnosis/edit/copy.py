@@ -42,7 +42,7 @@ def write_copies(source: Path, out: Path, changes: Sequence[Change]) -> dict[Pat
     """
     require_place(source, out)
     folder = folder_of(out)
-    wanted = load_model(source)
+    wanted = load_model(source, closed=False)
     document = Document(source)
     editors = {one: Editor(one) for one in _documents(document)}
     for change in changes:

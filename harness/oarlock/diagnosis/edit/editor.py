@@ -39,6 +39,7 @@ class Editor:
         self.document = document
         self._attributes: dict[SourceFile, dict[Element, dict[str, str]]] = {}
         self._additions: list[_Addition] = []
+        self._insertions: dict[SourceFile, dict[Element, list[_Addition]]] = {}
 
     def set(self, place: Place, attributes: Mapping[str, str]) -> None:
         """Sets attributes of an element, as values and not as they are escaped; those that it has keep their quotes."""
@@ -50,10 +51,22 @@ class Editor:
         """Adds an element to a section, or to the root where that is empty."""
         self._additions.append(_Addition(section, tag, dict(attributes)))
 
+    def insert(self, place: Place, tag: str, attributes: Mapping[str, str]) -> None:
+        """Adds an element at the end of another one, in the file that this stands in."""
+        within = self._insertions.setdefault(place.file, {}).setdefault(place.element, [])
+        within.append(_Addition("", tag, dict(attributes)))
+
+    @property
+    def additions(self) -> list[tuple[str, str, Mapping[str, str]]]:
+        """Section, tag and attributes of what is added so far; no section where it goes into another element."""
+        inserted = [one for elements in self._insertions.values() for added in elements.values() for one in added]
+        return [(one.section, one.tag, one.attributes) for one in (*self._additions, *inserted)]
+
     @property
     def changed(self) -> list[SourceFile]:
         """The files that have changes."""
-        own = [file for file in self.document.files if file in self._attributes]
+        touched = {*self._attributes, *self._insertions}
+        own = [file for file in self.document.files if file in touched]
         return [self.document.main, *own] if self._additions and self.document.main not in own else own
 
     def text(self, file: SourceFile) -> bytes:
@@ -71,6 +84,10 @@ class Editor:
             for element, attributes in self._attributes.get(file, {}).items()
             for span in _attribute_spans(element, attributes)
         ]
+        if file in self._insertions:
+            layout = _Layout(file)
+            for element, added in self._insertions[file].items():
+                spans.append(layout.into(element, [_written(one, layout.quote) for one in added]))
         if file is self.document.main:
             spans += self._added()
         return sorted(spans, key=lambda span: (span.start, span.end))

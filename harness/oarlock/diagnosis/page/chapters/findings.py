@@ -11,15 +11,19 @@ from oarlock.diagnosis.verdict.findings import FORMULA, SEVERITIES, Entry, Findi
 def findings(found: Sequence[Finding]) -> Chapter:
     """The findings, in any order, as a chapter."""
     chapter, ordered = Chapter("findings", "Findings"), worst_first(found)
-    counts = {severity: sum(one.severity == severity for one in ordered) for severity in SEVERITIES}
-    said = ", ".join(counted(count, severity) for severity, count in counts.items() if count)
-    chapter.say(f"{said or 'None'}.")
+    chapter.say(f"{counts(ordered) or 'None'}.")
     if ordered:
         entries = catalogue()
         known = {code: _explanation(entries[code]) for code in dict.fromkeys(one.code for one in ordered)}
         items = tuple(_item(one, known[one.code]) for one in ordered)
         chapter.blocks.append(Findings(items, tuple(known.values())))
     return chapter
+
+
+def counts(found: Sequence[Finding]) -> str:
+    """How many there are of every severity, in words; empty where there are none."""
+    by_severity = {severity: sum(one.severity == severity for one in found) for severity in SEVERITIES}
+    return ", ".join(counted(count, severity) for severity, count in by_severity.items() if count)
 
 
 def _item(one: Finding, explanation: Explanation) -> Item:

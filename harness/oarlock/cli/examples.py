@@ -1,0 +1,18 @@
+"""What the help of every command ends with: a line that can be typed as it stands."""
+
+EXAMPLES = {
+    "list": "oarlock list --json",
+    "run": "oarlock run boat --mode free --duration 2 --report page",
+    "new": "oarlock new my_linkage path/to/model.xml",
+    "report": "oarlock report results/boat",
+    "bench": "oarlock bench --size 24 --rounds 3",
+    "suite": "oarlock suite four_bar --sweep timestep=5e-4:4e-3:4",
+    "check": "oarlock check gripper.xml leg.xml --fail-above 1e-4 --sarif loops.sarif",
+    "close": "oarlock close arm.urdf --pair tip_left tip_right -o closed.xml",
+    "diff": "oarlock diff results/boat elsewhere/boat --junit diff.xml",
+    "sample": "oarlock sample four_bar -n 100 -o poses.npz",
+    "explain": "oarlock explain D1",
+    "solvers": "oarlock solvers --json",
+    "export-problems": "oarlock export-problems boat --duration 0.1 -o boat.npz",
+}
+"""Name of a command → an example."""
