@@ -130,7 +130,7 @@ def test_commands_exist(name):
     assert len(asked) >= 2
     assert asked - targets == set()
     commands = set(get_command(app).commands)  # type: ignore[attr-defined]
-    asked = set(re.findall(r"^\s*(?:\.venv/bin/)?oarlock ([a-z]+)", code(REPOSITORY / name), re.MULTILINE))
+    asked = set(re.findall(r"^\s*(?:\.venv/bin/)?oarlock ([a-z-]+)", code(REPOSITORY / name), re.MULTILINE))
     assert len(asked) >= 4
     assert asked - commands == set()
 
