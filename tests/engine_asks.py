@@ -12,11 +12,20 @@ import mujoco
 import numpy as np
 import oarlock
 import polars as pl
+from mechanisms import setup_of
+from oarlock.cases.case import Case, load_case
 from oarlock.cases.case_file import Baumgarte
 from oarlock.diagnosis.loops.states import start_of
+from oarlock.mechanics.controls import actuators, written_out
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import REFERENCE
 from oarlock.stepping.state import State
+
+SCHEMA: dict[str, Any] = {
+    "time": pl.Float64,
+    **{name: pl.List(pl.Float64) for name in ("qpos", "qvel", "act", "ctrl", "qfrc_applied")},
+    "ncon": pl.Int64,
+}
 
 RANK_CUT = 1e-13
 """Of exact answers at sampled states, which are closed to rounding: what is redundant there is 1e-16 or less of the
@@ -82,8 +91,7 @@ def states_of(model: mujoco.MjModel, rows: list[tuple[Any, ...]]) -> tuple[pl.Da
         question.state.read()
         question.ask()
         exact.append(question.answer(solver).qacc.copy())
-    lists = {name: pl.List(pl.Float64) for name in ("qpos", "qvel", "act", "ctrl", "qfrc_applied")}
-    return pl.DataFrame(written, schema={"time": pl.Float64, **lists, "ncon": pl.Int64}), exact
+    return pl.DataFrame(written, schema=SCHEMA), exact
 
 
 def write_ask(folder: Path, model: mujoco.MjModel, states: pl.DataFrame, question: str, **document: Any) -> Path:
@@ -116,3 +124,18 @@ def closed_states(name: str, count: int, seed: int = 0) -> tuple[mujoco.MjModel,
     drawn = oarlock.sample(name, count, seed)
     random = np.random.default_rng(seed)
     return model, [(0.0, q, v, random.normal(size=model.nu)) for q, v in zip(drawn.qpos, drawn.qvel, strict=True)]
+
+
+def driven_start(name: str, duration_s: float, timestep_s: float) -> tuple[Case, mujoco.MjModel, pl.DataFrame]:
+    """A case of the gallery, its model, and a question's states: its start, and its controls twice a step from then."""
+    case = load_case(name)
+    setup = setup_of(case, "rk4", timestep_s, duration_s)
+    model = setup.model
+    laws = written_out(case.file.drive).parsed()
+    rows = []
+    for time in np.arange(round(2.0 * duration_s / timestep_s) + 1) * 0.5 * timestep_s:
+        ctrl = [laws[actuator].at(time) if actuator in laws else 0.0 for actuator in actuators(model)]
+        rows.append({"time": float(time), "qpos": setup.start.qpos.tolist(), "qvel": setup.start.qvel.tolist()})
+        rows[-1] |= {"act": [], "ctrl": ctrl, "qfrc_applied": [0.0] * model.nv, "ncon": 0}
+    driven = model.nu > 0 and not written_out(case.file.drive).constant
+    return case, model, pl.DataFrame(rows if driven else rows[:1], schema=SCHEMA)

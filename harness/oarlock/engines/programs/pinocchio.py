@@ -1,8 +1,12 @@
 # /// script
 # requires-python = ">=3.10"
 # dependencies = ["pin>=4.1,<5", "numpy", "pyarrow"]
+#
 # [tool.oarlock]
+# title = "Pinocchio"
 # package = "pin"
+# questions = ["forward", "step", "run"]
+# equalities = ["connect", "weld", "joint", "tendon"]
 # ///
 """Pinocchio answers: exact accelerations of a mechanism that is built from a compiled model's arrays.
 
@@ -295,7 +299,7 @@ def _forward(ask: Ask, answer: Answer, solver: Solver, timestep: float | None) -
         if timestep is not None:
             qvel = qvel + timestep * a
             qpos = moved(solver.mechanism.compiled, qpos, qvel, timestep)
-        answer.add(time=states["time"][index] + (timestep or 0.0), qacc=a, qfrc_constraint=force, qpos=qpos, qvel=qvel)
+        answer.add(time=states["time"][index], qacc=a, qfrc_constraint=force, qpos=qpos, qvel=qvel)
         progress(index + 1, ask.count)
 
 
@@ -306,13 +310,16 @@ def _run(ask: Ask, answer: Answer, solver: Solver, laws: Laws) -> None:
     qpos, qvel = ask.states["qpos"][0], ask.states["qvel"][0]
     t0 = float(ask.states["time"][0])
     runge = ask.document.get("integrator") == "rk4"
+    widest = 0.0
     for step in range(steps + 1):
         t = t0 + step * h
         a, force = solver(qpos, qvel, laws(qpos, qvel, t))
-        if step % every == 0:
+        if step:
             motion = solver.mechanism.motion(Coordinates(compiled, qpos, qvel))
-            error = float(np.abs(solver.rows(qpos, qvel, motion).deviation).max(initial=0.0))
-            answer.add(time=t, qacc=a, qfrc_constraint=force, qpos=qpos, qvel=qvel, loop_error=error)
+            widest = max(widest, float(np.abs(solver.rows(qpos, qvel, motion).deviation).max(initial=0.0)))
+        if step and (step % every == 0 or step == steps):
+            answer.add(time=t, qacc=a, qfrc_constraint=force, qpos=qpos, qvel=qvel, loop_error=widest)
+            widest = 0.0
             progress(step, steps)
         if not runge:
             qvel = qvel + h * a
@@ -368,14 +375,9 @@ def answered(ask: Ask) -> Answer:
     answer.versions = {"pin": pin.__version__, "numpy": np.__version__}
     mechanism = Mechanism(pin, compiled)
     solver = Solver(mechanism, ask.settings)
-    sorts = ("connect", "weld", "joint equality", "tendon equality")
-    answer.expressed = sorted(
-        {sorts[kind] for kind in compiled.eq_type[compiled.active()]} | {"rigid bodies", "joints"}
-    )
-    answer.facts = {
+    answer.expressed = compiled.expressed()
+    answer.facts = compiled.facts() | {
         "total_mass": float(sum(inertia.mass for inertia in mechanism.model.inertias)),
-        "rows": compiled.rows(),
-        "cone": None,
         "jdotv": True,
         "method": solver.method,
         "stabilisation": None,

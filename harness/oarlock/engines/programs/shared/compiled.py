@@ -82,11 +82,15 @@ class Compiled:
         """A size, such as ``nv``; 0 where the version has none."""
         return int(self._arrays.get(name, 0))
 
+    def name(self, sort: str, index: int) -> str:
+        """Name of an element; its number, such as ``#3``, where it has none."""
+        names = self._arrays.get(f"{sort}_names")
+        return (str(names[index]) if names is not None and index < len(names) else "") or f"#{index}"
+
     def called(self, sort: str, index: int) -> str:
         """An element in words, such as ``equality 'pin'``."""
-        names = self._arrays.get(f"{sort}_names")
-        name = "" if names is None or index >= len(names) else str(names[index])
-        return f"{sort} '{name}'" if name else f"{sort} #{index}"
+        name = self.name(sort, index)
+        return f"{sort} {name}" if name.startswith("#") else f"{sort} '{name}'"
 
     def on(self, what: str) -> bool:
         """Whether the model's flags leave a part of the physics on."""
@@ -134,6 +138,21 @@ class Compiled:
         """Rows of the active equalities; of kinds that are not known here none."""
         sizes = (3, 6, 1, 1)
         return sum(sizes[kind] for kind in self.eq_type[self.active()] if kind <= TENDON) if self.active() else 0
+
+    def expressed(self) -> list[str]:
+        """Kinds of the equalities that are on."""
+        return sorted({KINDS[kind] for kind in self.eq_type[self.active()].tolist()}) if self.active() else []
+
+    def facts(self) -> dict[str, object]:
+        """What a program that has everything of the model has of it: masses by body, equalities, rows."""
+        masses = {self.name("body", body): float(self.body_mass[body]) for body in range(1, int(self.nbody))}
+        return {
+            "total_mass": sum(masses.values()),
+            "body_masses": masses,
+            "equalities": [self.name("equality", index) for index in self.active()],
+            "rows": self.rows(),
+            "cone": None,
+        }
 
     # What an engine of rigid bodies and bilateral constraints has no words for.
 
