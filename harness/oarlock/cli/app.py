@@ -29,6 +29,8 @@ COMMANDS = {
     "suite": "suite.suite",
     "check": "check.check",
     "diff": "diff.diff",
+    "conform": "conform.conform",
+    "versions": "versions.versions",
     "sample": "sample.sample",
     "explain": "explain.explain",
 }
