@@ -5,12 +5,13 @@
 # [tool.oarlock]
 # title = "Exudyn, maximal coordinates"
 # package = "exudyn"
+# several = true
 # questions = ["forward", "run"]
 # equalities = ["connect", "weld"]
 # ///
 """Exudyn answers: maximal coordinates and the generalised-α method, another formulation and another integrator.
 
-``python exudyn.py ASK ANSWER``. Every body is a rigid body of its own with Euler parameters about its centre of mass;
+Every body is a rigid body of its own with Euler parameters about its centre of mass;
 joints and equalities are constraints between bodies. ``run`` is the question for it. ``forward`` gives the consistent
 accelerations that a run begins with. A joint or tendon equality couples coordinates that maximal coordinates lack.
 
@@ -20,14 +21,14 @@ Settings: ``spectral_radius`` of the method, ``index`` of the constraints (2 or 
 
 # pyright: reportMissingImports=false
 
-import sys
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from shared.compiled import BALL, FREE, HINGE, JOINT, SLIDE, TENDON, Compiled, Joining, matrix, product
-from shared.exchange import Answer, Ask, folders, hide, progress
+from shared.exchange import Answer, NotExpressible, answer_all, tell
+from shared.family import Ask
 from shared.forces import Controls, Laws
 from shared.links import Link, Moving, Pose, Tree, quaternion
 
@@ -239,7 +240,7 @@ class Program:
     def forward(self, answer: Answer) -> None:
         """The accelerations that a run begins with."""
         states = self._ask.states
-        for row in range(self._ask.count):
+        for row in range(len(self._ask)):
             qpos, qvel, force = (states[name][row] for name in ("qpos", "qvel", "qfrc_applied"))
             laws, pushes = self._given(qpos, force)
             system = self._system(qpos, qvel, laws, pushes)
@@ -251,7 +252,7 @@ class Program:
             _, _, qacc = self._tree.coordinates(moving, qpos)
             held = self._tree.forces(moving) - force
             answer.add(time=states["time"][row], qacc=qacc, qfrc_constraint=held, qpos=qpos, qvel=qvel)
-            progress(row + 1, self._ask.count)
+            tell(row + 1, len(self._ask))
 
     def _given(self, qpos: np.ndarray, force: np.ndarray) -> tuple[dict[int, Law], dict[int, Any]]:
         """Forces that do not change: of hinges and slides as laws, of free and ball joints on their links."""
@@ -277,6 +278,7 @@ class Program:
     def run(self, answer: Answer, laws: Laws) -> None:
         """A free run from the first state."""
         ask, tree = self._ask, self._tree
+        timestep = float(ask.document["timestep"])
         steps, every = int(ask.document["steps"]), int(ask.document.get("every", 1))
         start, qvel, t0 = ask.states["qpos"][0], ask.states["qvel"][0], float(ask.states["time"][0])
 
@@ -287,26 +289,31 @@ class Program:
 
         def attempt(index: int, singular: bool) -> None:
             system = self._system(start, qvel, {joint: law(joint) for joint in laws.acts()}, {})
-            seen = {"widest": 0.0, "qpos": start}
+            seen: dict[str, Any] = {"widest": 0.0, "qpos": start, "stop": None}
             answer.rows.clear()
 
             def look(_system: Any, time: float) -> bool:
-                step = round(time / ask.timestep)
+                step = round(time / timestep)
                 moving = system.moving()
                 seen["widest"] = max([seen["widest"], *(tree.deviation(moving, one) for one in joinings)])
                 qpos, velocities, qacc = tree.coordinates(moving, seen["qpos"])
                 seen["qpos"] = qpos
-                if step % every == 0 or step == steps:
+                for element, why in tree.compiled.limits(qpos[None]):
+                    seen["stop"] = NotExpressible(element, f"{why} at t = {t0 + time:g} s")
+                    return False
+                if step and (step % every == 0 or step == steps):
                     held = tree.forces(moving) - laws(qpos, velocities, t0 + time)
                     moved = {"qacc": qacc, "qfrc_constraint": held, "qpos": qpos, "qvel": velocities}
                     answer.add(time=t0 + time, **moved, loop_error=seen["widest"])
                     seen["widest"] = 0.0
-                    progress(step, steps)
+                    tell(step, steps)
                 return True
 
             system.system.SetPostStepUserFunction(look)
-            chosen = system.simulation(ask.settings, ask.timestep, steps, index, singular)
+            chosen = system.simulation(ask.settings, timestep, steps, index, singular)
             self._exudyn.SolveDynamic(system.system, chosen)
+            if seen["stop"] is not None:
+                raise seen["stop"]
 
         indices = [int(ask.settings["index"])] if "index" in ask.settings else INDICES
         attempts = [(index, singular) for index in indices for singular in (False, True)]
@@ -332,19 +339,19 @@ def foreign(compiled: Compiled) -> Iterator[tuple[str, str]]:
         yield compiled.called("tendon", tendon), "armature, an inertia of a length"
 
 
-def answered(ask: Ask) -> Answer:
+def answered(ask: Ask, answer: Answer) -> None:
     """Answers one question."""
-    compiled = Compiled(ask.arrays)
-    answer = Answer("exudyn", {})
+    compiled = Compiled(ask.model)
     laws = Laws(compiled, Controls(ask.states)) if ask.question == "run" else None
-    missing = [*compiled.foreign(ask.states), *foreign(compiled), *(laws.foreign() if laws else ())]
+    states = {name: column[:1] for name, column in ask.states.items()} if laws else ask.states
+    missing = [*compiled.foreign(states), *foreign(compiled), *(laws.foreign() if laws else ())]
     if ask.question not in ("forward", "run"):
         missing.append((f"question '{ask.question}'", "a step of another integrator is not MuJoCo's, expected a run"))
     if ask.document.get("precision", "float64") != "float64":
         missing.append((f"precision '{ask.document['precision']}'", "Exudyn has float64 only"))
     answer.missing = [{"element": element, "why": why} for element, why in missing]
     if answer.missing:
-        return answer
+        return
     program = Program(ask, compiled)
     answer.versions = {"exudyn": program.version, "numpy": np.__version__}
     answer.expressed = compiled.expressed()
@@ -358,15 +365,7 @@ def answered(ask: Ask) -> Answer:
         program.forward(answer)
     else:
         program.run(answer, laws)
-    return answer
-
-
-def main(arguments: list[str]) -> int:
-    """Reads a question, answers it, and returns the exit status."""
-    asked, answer = folders(arguments)
-    return answered(Ask.read(asked)).write(answer)
 
 
 if __name__ == "__main__":
-    hide(__file__)  # this file has the name of the package
-    sys.exit(main(sys.argv))
+    answer_all(answered, "exudyn")

@@ -171,7 +171,7 @@ class Compiled:
             yield self.called("actuator", actuator), "an actuator with armature"
         if self.on("constraint"):
             yield from self._friction()
-            yield from self._limits(states)
+            yield from self.limits(states["qpos"])
             yield from self._contacts(states)
 
     def _friction(self) -> Iterator[tuple[str, str]]:
@@ -184,10 +184,10 @@ class Compiled:
             for tendon in np.flatnonzero(self.tendon_frictionloss).tolist():
                 yield self.called("tendon", tendon), "friction loss"
 
-    def _limits(self, states: dict[str, np.ndarray]) -> Iterator[tuple[str, str]]:
-        if not self.on("limit"):
+    def limits(self, qpos: np.ndarray) -> Iterator[tuple[str, str]]:
+        """Yields the limits that act at any of some positions (n, nq)."""
+        if not (self.on("constraint") and self.on("limit")):
             return
-        qpos = states["qpos"]
         for joint in np.flatnonzero(self.jnt_limited).tolist():
             at, (low, high) = int(self.jnt_qposadr[joint]), self.jnt_range[joint]
             if self.jnt_type[joint] == BALL:
