@@ -14,7 +14,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Baumgarte, Form
-from oarlock.engines.asking import States
+from oarlock.engines.asking import ACCURATE, States
 from oarlock.mechanics.names import Equality, element_name, equalities
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import BESIDE, SolverSpec
@@ -98,8 +98,8 @@ class Laws:
     def __init__(self, model: mujoco.MjModel, states: States):
         self.model = copy.copy(model)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        # Islands leave out what moves freely; how far MuJoCo's own solver goes is no part of what is compared.
-        self.model.opt.tolerance = 0.0
+        # How far an iteration goes is no part of what is compared.
+        self.model.opt.tolerance = ACCURATE["tolerance"]
         self.states = states
         self.equalities: list[Equality] = equalities(self.model)
         self._solved: dict[Law, Solved] = {}

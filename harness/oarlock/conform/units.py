@@ -147,7 +147,7 @@ class Question(Work):
         silence_s: float,
     ) -> "Question":
         """The unit of a model and an engine. ``marks`` are checksums of the files of the question."""
-        asking = [engine.precision, sorted(engine.settings.items()), plan.document(), sorted(marks.items()), ACCURATE]
+        asking = [engine.precision, sorted(engine.settings.items()), plan.asked, sorted(marks.items()), ACCURATE]
         mark = of_document([engine.program.digest, environment.identity, engine.requirements, asking])
         name = f"{ANSWERS} {engine.name}"
         label = f"{plan.name} {engine.name}"

@@ -125,9 +125,10 @@ def main():
             columns = _states(engine, ask)
             engine.place(ask.states)
             mujoco_warp.forward(engine.model, engine.data)
-            fastest = int(np.abs(ask.states["qvel"]).max(axis=1, initial=0.0).argmax())
-            moving = bool(ask.states["qvel"][fastest].any())
-            facts["jdotv"] = _jdotv(model, engine, ask, fastest) if moving else "unknown"
+            # Asked twice: its rows take J̇v from the velocities of the call before.
+            mujoco_warp.forward(engine.model, engine.data)
+            moving = np.flatnonzero(ask.states["qvel"].any(axis=1))
+            facts["jdotv"] = family.any_jdotv([_jdotv(model, engine, ask, row) for row in moving])
         family.write_answer(answer, {**document, "not_expressible": [], "facts": facts}, columns)
     family.end(refused)
 

@@ -168,6 +168,11 @@ def model_facts(mujoco: Any, model: Any) -> dict[str, Any]:
     }
 
 
+def any_jdotv(found: list[Any]) -> Any:
+    """What some states say together: that there is a J̇v, if one of them shows it."""
+    return True if True in found else False if False in found else "unknown"
+
+
 def has_jdotv(aref: np.ndarray, laws: np.ndarray, rate: np.ndarray, gap: np.ndarray, precision: str) -> Any:
     """Whether reference accelerations (n) hold more than −B J v − K d r: that is −J̇v. ``unknown`` at rest.
 
