@@ -1,8 +1,7 @@
-"""Questions for programs of engines, as folders, and the exact accelerations to compare their answers with."""
+"""Questions for programs of engines, and the exact accelerations to compare their answers with."""
 
 import importlib.util
-import json
-import subprocess
+import os
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -11,30 +10,28 @@ from typing import Any
 import mujoco
 import numpy as np
 import oarlock
-import polars as pl
+import pytest
+from mechanisms import setup_of
+from oarlock.cases.case import Case, load_case
 from oarlock.cases.case_file import Baumgarte
+from oarlock.cases.truth import load_truth
 from oarlock.diagnosis.loops.states import start_of
+from oarlock.engines import environments, running
+from oarlock.engines.answers import Answer, read
+from oarlock.engines.asking import States, arrays_of, ask, states_of, write
+from oarlock.engines.registry import PROGRAMS, parse_engine
+from oarlock.mechanics.controls import actuators, written_out
+from oarlock.mechanics.prepare import set_integrator
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import REFERENCE
 from oarlock.stepping.state import State
 
+INTERPRETERS = "OARLOCK_TEST_ENGINES"
+"""Variable with engines and their interpreters, such as ``pinocchio=/opt/pin/bin/python``, parted by blanks."""
+
 RANK_CUT = 1e-13
 """Of exact answers at sampled states, which are closed to rounding: what is redundant there is 1e-16 or less of the
 largest eigenvalue, and near a singular pose a true one can be less than a cut that suits open loops, 1e-10."""
-
-PROGRAMS = Path(str(oarlock.__file__)).parent / "engines" / "programs"
-
-_NAMED = {
-    "body": mujoco.mjtObj.mjOBJ_BODY,
-    "joint": mujoco.mjtObj.mjOBJ_JOINT,
-    "geom": mujoco.mjtObj.mjOBJ_GEOM,
-    "site": mujoco.mjtObj.mjOBJ_SITE,
-    "equality": mujoco.mjtObj.mjOBJ_EQUALITY,
-    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
-    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
-}
-_COUNTS = {"body": "nbody", "joint": "njnt", "geom": "ngeom", "site": "nsite"}
-_COUNTS |= {"equality": "neq", "tendon": "ntendon", "actuator": "nu"}
 
 
 def program(name: str) -> ModuleType:
@@ -50,69 +47,80 @@ def program(name: str) -> ModuleType:
     return module
 
 
-def arrays_of(model: mujoco.MjModel) -> dict[str, np.ndarray]:
-    """Every numeric array and size of a model, its options, and names of its elements."""
-    found: dict[str, np.ndarray] = {}
-    for owner, prefix in ((model, ""), (model.opt, "opt_"), (model.stat, "stat_")):
-        for name in dir(owner):
-            value = None if name.startswith("_") else getattr(owner, name)
-            if isinstance(value, np.ndarray | int | float):
-                found[prefix + name] = np.asarray(value)
-    for sort, kind in _NAMED.items():
-        count = getattr(model, _COUNTS[sort])
-        found[f"{sort}_names"] = np.array(
-            [mujoco.mj_id2name(model, kind, one) or "" for one in range(count)], dtype=str
-        )
-    return found
+class Engine:
+    """A program in its environment; the test is skipped where there is none."""
+
+    def __init__(self, name: str):
+        given = {one.partition("=")[0]: one for one in os.environ.get(INTERPRETERS, "").split()}
+        engine = parse_engine(given.get(name, name))
+        found = environments.find(engine)
+        if found is None:
+            pytest.skip(f"no environment for {name}: name one in {INTERPRETERS}, or {environments.how_to(engine)}")
+        self.program, self._environment = engine.program, found
+
+    def answer(self, folder: Path, model: mujoco.MjModel, states: States, question: str, **asked: Any) -> Answer:
+        """The answer to one question about states of a model."""
+        document = ask("made up", model, question, **asked)
+        files = {"ask.json": document, "model.npz": arrays_of(model), "states.parquet": states.table()}
+        steps, every = asked.get("steps", 1), asked.get("every", 1)
+        count = steps // every if question == "run" else len(states)
+        written = running.run(self.program, self._environment, [write(folder, files)])
+        return read(written.files[0], model.nq, model.nv, count, written.status)
 
 
-def states_of(model: mujoco.MjModel, rows: list[tuple[Any, ...]]) -> tuple[pl.DataFrame, list[np.ndarray]]:
-    """States from (time, qpos, qvel, ctrl), with MuJoCo's forces at each, and the exact accelerations of each."""
+def exact_of(model: mujoco.MjModel, states: States) -> np.ndarray:
+    """The accelerations (n, nv) of states with rigid equalities, J a = −J̇v."""
     data = mujoco.MjData(model)
     question = Question(State(model, data, Baumgarte(beta=0.0, k=0.0)), "hard")
     solver = oarlock.make_solver(REFERENCE, rank_cut=RANK_CUT)
-    written, exact = [], []
-    for time, qpos, qvel, ctrl in rows:
-        data.time, data.qpos[:], data.qvel[:], data.ctrl[:] = time, qpos, qvel, ctrl
+    found = []
+    for qpos, qvel, ctrl in zip(states.qpos, states.qvel, states.ctrl, strict=True):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, ctrl
         mujoco.mj_forward(model, data)
-        force = data.qfrc_actuator + data.qfrc_passive + data.qfrc_applied
-        row = {"time": time, "qpos": qpos, "qvel": qvel, "act": data.act, "ctrl": ctrl, "qfrc_applied": force}
-        row = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in row.items()}
-        written.append(row | {"ncon": int(data.ncon)})
         question.state.read()
         question.ask()
-        exact.append(question.answer(solver).qacc.copy())
-    lists = {name: pl.List(pl.Float64) for name in ("qpos", "qvel", "act", "ctrl", "qfrc_applied")}
-    return pl.DataFrame(written, schema={"time": pl.Float64, **lists, "ncon": pl.Int64}), exact
+        found.append(question.answer(solver).qacc.copy())
+    return np.array(found)
 
 
-def write_ask(folder: Path, model: mujoco.MjModel, states: pl.DataFrame, question: str, **document: Any) -> Path:
-    """A folder ASK for a program."""
-    folder.mkdir(parents=True, exist_ok=True)
-    asked = {"format": 1, "model": "made up", "question": question, "timestep": model.opt.timestep, **document}
-    (folder / "ask.json").write_text(json.dumps(asked), encoding="utf-8")
-    np.savez(folder / "model.npz", allow_pickle=False, **arrays_of(model))
-    states.write_parquet(folder / "states.parquet")
-    return folder
-
-
-def ask(python: str, name: str, folder: Path, answer: Path) -> tuple[int, dict[str, Any], pl.DataFrame | None, str]:
-    """Runs a program; returns its status, what it says, its rows, and what it wrote to standard error."""
-    done = subprocess.run(
-        [python, str(PROGRAMS / f"{name}.py"), str(folder), str(answer)],
-        capture_output=True,
-        encoding="utf-8",
-        check=False,
-    )
-    said = answer / "answer.json"
-    rows = answer / "answer.parquet"
-    document = json.loads(said.read_text(encoding="utf-8")) if said.is_file() else {}
-    return done.returncode, document, pl.read_parquet(rows) if rows.is_file() else None, done.stderr
-
-
-def closed_states(name: str, count: int, seed: int = 0) -> tuple[mujoco.MjModel, list[tuple[Any, ...]]]:
+def closed_states(name: str, count: int, seed: int = 0) -> tuple[mujoco.MjModel, States]:
     """A model of the gallery, or a file, and states of it that are closed, with random controls."""
     _, model, _ = start_of(name, None)
     drawn = oarlock.sample(name, count, seed)
-    random = np.random.default_rng(seed)
-    return model, [(0.0, q, v, random.normal(size=model.nu)) for q, v in zip(drawn.qpos, drawn.qvel, strict=True)]
+    controls = np.random.default_rng(seed).normal(size=(count, model.nu))
+    return model, states_of(model, drawn.qpos, drawn.qvel, controls)
+
+
+def driven_start(name: str, duration_s: float, timestep_s: float) -> tuple[Case, mujoco.MjModel, States]:
+    """A case of the gallery, its model, and the states of a run: its start, and its controls twice a step from then."""
+    case = load_case(name)
+    setup = setup_of(case, "rk4", timestep_s, duration_s)
+    model = setup.model
+    model.opt.timestep = timestep_s
+    set_integrator(model, "rk4")
+    laws = written_out(case.file.drive)
+    parsed = laws.parsed()
+    times = np.arange(round(2.0 * duration_s / timestep_s) + 1) * 0.5 * timestep_s
+    times = times[:1] if laws.constant else times
+    count = len(times)
+    ctrl = [[parsed[name].at(time) if name in parsed else 0.0 for name in actuators(model)] for time in times]
+    qpos, qvel = (np.tile(value, (count, 1)) for value in (setup.start.qpos, setup.start.qvel))
+    controls = np.array(ctrl, dtype=float).reshape(count, model.nu)
+    return case, model, States(times, qpos, qvel, np.zeros((count, 0)), controls, np.zeros((count, model.nv)))
+
+
+def truth_error(case: Case, model: mujoco.MjModel, answer: Answer) -> float:
+    """The largest distance of a run from the outside truth of its case, m or rad."""
+    truth, asked = load_truth(case), case.file.truth
+    assert truth is not None
+    assert asked is not None
+    if asked.joint:
+        seen = answer.qpos[:, [model.jnt_qposadr[model.joint(asked.joint).id]]]
+    else:
+        data, places = mujoco.MjData(model), []
+        for qpos in answer.qpos:
+            data.qpos[:] = qpos
+            mujoco.mj_kinematics(model, data)
+            places.append(data.site(asked.site).xpos.copy())
+        seen = np.array(places)
+    return float(np.abs(seen - truth.position(answer.time)).max())

@@ -1,12 +1,17 @@
 # /// script
 # requires-python = ">=3.10"
 # dependencies = ["pin>=4.1,<5", "numpy", "pyarrow"]
+#
 # [tool.oarlock]
+# title = "Pinocchio"
 # package = "pin"
+# several = true
+# questions = ["forward", "step", "run"]
+# equalities = ["connect", "weld", "joint", "tendon"]
 # ///
 """Pinocchio answers: exact accelerations of a mechanism that is built from a compiled model's arrays.
 
-``python pinocchio.py ASK ANSWER``. Connects and welds are constraint models of Pinocchio, solved by its own
+Connects and welds are constraint models of Pinocchio, solved by its own
 ``constraintDynamics`` or ``lcaba``. Where a joint or tendon equality is beside them, which Pinocchio has no models for,
 the whole is solved by the minimum-norm pseudo-inverse of Pinocchio's M, bias and Jacobians and rows of our own. No
 method stabilises: J a = −J̇v.
@@ -17,14 +22,14 @@ other rows), ``mu``, ``accuracy`` and ``iterations`` of the proximal methods, ``
 
 # pyright: reportMissingImports=false
 
-import sys
 import time
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from shared.compiled import BALL, FREE, SLIDE, Compiled, matrix, moved, unit
-from shared.exchange import Answer, Ask, folders, hide, progress
+from shared.exchange import Answer, NotExpressible, answer_all, tell
+from shared.family import Ask
 from shared.forces import Controls, Laws
 from shared.rows import Body, Coupled, Rows, joined, stretched
 
@@ -289,31 +294,36 @@ class Solver:
 
 def _forward(ask: Ask, answer: Answer, solver: Solver, timestep: float | None) -> None:
     states = ask.states
-    for index in range(ask.count):
+    for index in range(len(ask)):
         qpos, qvel = states["qpos"][index], states["qvel"][index]
         a, force = solver(qpos, qvel, states["qfrc_applied"][index])
         if timestep is not None:
             qvel = qvel + timestep * a
             qpos = moved(solver.mechanism.compiled, qpos, qvel, timestep)
-        answer.add(time=states["time"][index] + (timestep or 0.0), qacc=a, qfrc_constraint=force, qpos=qpos, qvel=qvel)
-        progress(index + 1, ask.count)
+        answer.add(time=states["time"][index], qacc=a, qfrc_constraint=force, qpos=qpos, qvel=qvel)
+        tell(index + 1, len(ask))
 
 
 def _run(ask: Ask, answer: Answer, solver: Solver, laws: Laws) -> None:
     """Free motion: Runge–Kutta of order 4 where that is asked for, else semi-implicit Euler; nothing is projected."""
-    compiled, h = solver.mechanism.compiled, ask.timestep
+    compiled, h = solver.mechanism.compiled, float(ask.document["timestep"])
     steps, every = int(ask.document["steps"]), int(ask.document.get("every", 1))
     qpos, qvel = ask.states["qpos"][0], ask.states["qvel"][0]
     t0 = float(ask.states["time"][0])
     runge = ask.document.get("integrator") == "rk4"
+    widest = 0.0
     for step in range(steps + 1):
         t = t0 + step * h
+        for element, why in compiled.limits(qpos[None]):
+            raise NotExpressible(element, f"{why} at t = {t:g} s")
         a, force = solver(qpos, qvel, laws(qpos, qvel, t))
-        if step % every == 0:
+        if step:
             motion = solver.mechanism.motion(Coordinates(compiled, qpos, qvel))
-            error = float(np.abs(solver.rows(qpos, qvel, motion).deviation).max(initial=0.0))
-            answer.add(time=t, qacc=a, qfrc_constraint=force, qpos=qpos, qvel=qvel, loop_error=error)
-            progress(step, steps)
+            widest = max(widest, float(np.abs(solver.rows(qpos, qvel, motion).deviation).max(initial=0.0)))
+        if step and (step % every == 0 or step == steps):
+            answer.add(time=t, qacc=a, qfrc_constraint=force, qpos=qpos, qvel=qvel, loop_error=widest)
+            widest = 0.0
+            tell(step, steps)
         if not runge:
             qvel = qvel + h * a
             qpos = moved(compiled, qpos, qvel, h)
@@ -347,13 +357,13 @@ def _time(ask: Ask, answer: Answer, solver: Solver) -> None:
     answer.facts |= {"microseconds_median": float(np.median(spans)), "microseconds_least": float(spans.min())}
 
 
-def answered(ask: Ask) -> Answer:
+def answered(ask: Ask, answer: Answer) -> None:
     """Answers one question."""
-    compiled = Compiled(ask.arrays)
+    compiled = Compiled(ask.model)
     coupled = Coupled(compiled)
-    answer = Answer("pinocchio", {})
     laws = Laws(compiled, Controls(ask.states)) if ask.question == "run" else None
-    foreign = [*compiled.foreign(ask.states), *(laws.foreign() if laws else ())]
+    states = {name: column[:1] for name, column in ask.states.items()} if laws else ask.states
+    foreign = [*compiled.foreign(states), *(laws.foreign() if laws else ())]
     around = "it runs around geoms: its length has no Jacobian here"
     foreign += [(compiled.called("tendon", tendon), around) for tendon in coupled.wrapped()]
     if ask.question not in ("forward", "step", "run", "time"):
@@ -362,20 +372,15 @@ def answered(ask: Ask) -> Answer:
         foreign.append((f"precision '{ask.document['precision']}'", "Pinocchio's Python package has float64 only"))
     answer.missing = [{"element": element, "why": why} for element, why in foreign]
     if answer.missing:
-        return answer
+        return
 
     pin = import_module("pinocchio")
     answer.versions = {"pin": pin.__version__, "numpy": np.__version__}
     mechanism = Mechanism(pin, compiled)
     solver = Solver(mechanism, ask.settings)
-    sorts = ("connect", "weld", "joint equality", "tendon equality")
-    answer.expressed = sorted(
-        {sorts[kind] for kind in compiled.eq_type[compiled.active()]} | {"rigid bodies", "joints"}
-    )
-    answer.facts = {
+    answer.expressed = compiled.expressed()
+    answer.facts = compiled.facts() | {
         "total_mass": float(sum(inertia.mass for inertia in mechanism.model.inertias)),
-        "rows": compiled.rows(),
-        "cone": None,
         "jdotv": True,
         "method": solver.method,
         "stabilisation": None,
@@ -390,20 +395,12 @@ def answered(ask: Ask) -> Answer:
         step = ask.question == "step"
         if step:
             answer.facts["integrator"] = "semi-implicit Euler"
-        _forward(ask, answer, solver, ask.timestep if step else None)
+        _forward(ask, answer, solver, float(ask.document["timestep"]) if step else None)
     if solver.method == METHODS[2]:
         answer.facts["ranks"] = sorted(solver.ranks)
     else:
         answer.facts["iterations"] = solver.iterations
-    return answer
-
-
-def main(arguments: list[str]) -> int:
-    """Reads a question, answers it, and returns the exit status."""
-    asked, answer = folders(arguments)
-    return answered(Ask.read(asked)).write(answer)
 
 
 if __name__ == "__main__":
-    hide(__file__)  # this file has the name of the package
-    sys.exit(main(sys.argv))
+    answer_all(answered, "pinocchio")

@@ -82,11 +82,15 @@ class Compiled:
         """A size, such as ``nv``; 0 where the version has none."""
         return int(self._arrays.get(name, 0))
 
+    def name(self, sort: str, index: int) -> str:
+        """Name of an element; its number, such as ``#3``, where it has none."""
+        names = self._arrays.get(f"{sort}_names")
+        return (str(names[index]) if names is not None and index < len(names) else "") or f"#{index}"
+
     def called(self, sort: str, index: int) -> str:
         """An element in words, such as ``equality 'pin'``."""
-        names = self._arrays.get(f"{sort}_names")
-        name = "" if names is None or index >= len(names) else str(names[index])
-        return f"{sort} '{name}'" if name else f"{sort} #{index}"
+        name = self.name(sort, index)
+        return f"{sort} {name}" if name.startswith("#") else f"{sort} '{name}'"
 
     def on(self, what: str) -> bool:
         """Whether the model's flags leave a part of the physics on."""
@@ -135,6 +139,21 @@ class Compiled:
         sizes = (3, 6, 1, 1)
         return sum(sizes[kind] for kind in self.eq_type[self.active()] if kind <= TENDON) if self.active() else 0
 
+    def expressed(self) -> list[str]:
+        """Kinds of the equalities that are on."""
+        return sorted({KINDS[kind] for kind in self.eq_type[self.active()].tolist()}) if self.active() else []
+
+    def facts(self) -> dict[str, object]:
+        """What a program that has everything of the model has of it: masses by body, equalities, rows."""
+        masses = {self.name("body", body): float(self.body_mass[body]) for body in range(1, int(self.nbody))}
+        return {
+            "total_mass": sum(masses.values()),
+            "body_masses": masses,
+            "equalities": [self.name("equality", index) for index in self.active()],
+            "rows": self.rows(),
+            "cone": None,
+        }
+
     # What an engine of rigid bodies and bilateral constraints has no words for.
 
     def foreign(self, states: dict[str, np.ndarray]) -> Iterator[tuple[str, str]]:
@@ -152,7 +171,7 @@ class Compiled:
             yield self.called("actuator", actuator), "an actuator with armature"
         if self.on("constraint"):
             yield from self._friction()
-            yield from self._limits(states)
+            yield from self.limits(states["qpos"])
             yield from self._contacts(states)
 
     def _friction(self) -> Iterator[tuple[str, str]]:
@@ -165,10 +184,10 @@ class Compiled:
             for tendon in np.flatnonzero(self.tendon_frictionloss).tolist():
                 yield self.called("tendon", tendon), "friction loss"
 
-    def _limits(self, states: dict[str, np.ndarray]) -> Iterator[tuple[str, str]]:
-        if not self.on("limit"):
+    def limits(self, qpos: np.ndarray) -> Iterator[tuple[str, str]]:
+        """Yields the limits that act at any of some positions (n, nq)."""
+        if not (self.on("constraint") and self.on("limit")):
             return
-        qpos = states["qpos"]
         for joint in np.flatnonzero(self.jnt_limited).tolist():
             at, (low, high) = int(self.jnt_qposadr[joint]), self.jnt_range[joint]
             if self.jnt_type[joint] == BALL:

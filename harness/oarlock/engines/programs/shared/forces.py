@@ -16,10 +16,13 @@ _FIXED, _AFFINE = 0, 1
 
 
 class Controls:
-    """Controls of a run: those of the rows, which go straight from row to row; of one row they are held."""
+    """Controls of a run: those of the first state, held, or straight from row to row as long as the time goes on."""
 
     def __init__(self, states: dict[str, np.ndarray]):
-        self._times, self._values = states["time"], states["ctrl"]
+        times = states["time"]
+        back = np.flatnonzero(np.diff(times) <= 0.0)
+        count = int(back[0]) + 1 if len(back) else len(times)
+        self._times, self._values = times[:count], states["ctrl"][:count]
 
     def __call__(self, time: float) -> np.ndarray:
         """Those of a time (s)."""
