@@ -60,7 +60,9 @@ def _silent(answer: Answer) -> str:
 
 
 def _brief(facts: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in facts.items() if name not in ("body_masses", "equalities")}
+    told = {name: value for name, value in facts.items() if name not in ("body_masses", "equalities")}
+    apart_by = told.get("compiled_apart")
+    return {**told, "compiled_apart": sorted(apart_by)} if isinstance(apart_by, dict) else told
 
 
 def _expected(laws: Laws) -> dict[str, Any]:

@@ -33,6 +33,7 @@ class Law:
         without: names of equalities that are left out.
         cone: of contacts; empty for the model's own.
         masses: (name of a body, kg) of bodies that have another mass.
+        arrays: (name of an array of the model, its numbers) of those that another compiler makes otherwise.
     """
 
     rigid: bool = False
@@ -40,11 +41,7 @@ class Law:
     without: tuple[str, ...] = ()
     cone: str = ""
     masses: tuple[tuple[str, float], ...] = ()
-
-    @property
-    def changes(self) -> int:
-        """In how many respects it is not MuJoCo's own."""
-        return sum((self.rigid, not self.curvature, bool(self.without), bool(self.cone), bool(self.masses)))
+    arrays: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
 
 MUJOCO = Law()
@@ -157,9 +154,14 @@ class Laws:
         return solved
 
     def _changed(self, law: Law) -> mujoco.MjModel:
-        if not law.cone and not law.masses:
+        if not law.cone and not law.masses and not law.arrays:
             return self.model
         model = copy.copy(self.model)
+        for name, values in law.arrays:
+            own = getattr(model, name, None)
+            if not isinstance(own, np.ndarray) or own.size != len(values):
+                raise InputError(f"'{name}' is no array of {len(values)} numbers of this model")
+            own[:] = np.reshape(values, own.shape)
         if law.cone:
             model.opt.cone = CONES[law.cone]
         for name, mass in law.masses:

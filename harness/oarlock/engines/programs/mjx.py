@@ -129,7 +129,7 @@ def main():
         moving = np.flatnonzero(ask.states["qvel"].any(axis=1))[:LOOKS]
         states = [functions[0](_placed(start, ask, row)) for row in moving]
         found = [_jdotv(model, state, ask, row, ask.precision) for row, state in zip(moving, states)]  # noqa: B905
-        facts = {**family.model_facts(mujoco, model), "jdotv": family.any_jdotv(found)}
+        facts = {**family.model_facts(mujoco, model, ask), "jdotv": family.any_jdotv(found)}
         facts["rows"] = int(max((getattr(_arrays(state), "ne", 0) or 0 for state in states), default=0))
         family.write_answer(answer, {**document, "not_expressible": [], "facts": facts}, columns)
     family.end(False)

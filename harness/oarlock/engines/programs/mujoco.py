@@ -33,7 +33,7 @@ def _facts(model, data, ask):
         mujoco.mj_forward(model, data)
         found.append(_jdotv(model, data))
         rows = max(rows, int(data.ne))
-    return {**family.model_facts(mujoco, model), "rows": rows, "jdotv": family.any_jdotv(found)}
+    return {**family.model_facts(mujoco, model, ask), "rows": rows, "jdotv": family.any_jdotv(found)}
 
 
 def _states(model, data, ask):

@@ -118,7 +118,7 @@ def main():
             refused = True
             continue
         family.progress(0, 1)
-        facts = {**family.model_facts(mujoco, model), "rows": int(np.max(engine.data.ne.numpy()))}
+        facts = {**family.model_facts(mujoco, model, ask), "rows": int(np.max(engine.data.ne.numpy()))}
         if ask.question == "run":
             columns, facts["jdotv"] = _run(engine, ask), "unknown"
         else:
