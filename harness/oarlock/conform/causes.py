@@ -82,7 +82,7 @@ def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Caus
             continue
         left = apart(answer.qacc, laws.solve(law))
         if not (left > allowed).any():
-            return _explained(laws, law, left, allowed, single)
+            return _explained(law, left, allowed, single)
         if nearest is None or left.max() < nearest[0]:
             nearest = float(left.max()), law
     assert nearest is not None
@@ -91,10 +91,10 @@ def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Caus
     return Cause(UNEXPLAINED, said, difference, float(allowed.max()))
 
 
-def _explained(laws: Laws, law: Law, left: np.ndarray, allowed: np.ndarray, single: bool) -> Cause:
+def _explained(law: Law, left: np.ndarray, allowed: np.ndarray, single: bool) -> Cause:
     names = [name for name, changed in _changes(law).items() if changed] or [AGREES]
     text = words(law) or "as MuJoCo"
-    if single and (left > allowance(laws, laws.solve(MUJOCO), False)).any():
+    if single:
         names.append("float32")
         text += ", within float32"
     return Cause("+".join(names), text, float(left.max()), float(allowed.max()))
