@@ -67,10 +67,11 @@ def _print(rows: dict[str, dict[str, Any]]) -> None:
     from oarlock.base.numbers import short
 
     models = list(dict.fromkeys(model for row in rows.values() for model in row))
-    printed = Table(box=None, header_style="bold", pad_edge=False, title="largest |efc_pos|", title_justify="left")
+    printed = Table(box=None, header_style="bold", pad_edge=False)
     printed.add_column("MuJoCo", no_wrap=True)
     for model in models:
         printed.add_column(shown(model), justify="right", no_wrap=True)
     for version, row in rows.items():
         printed.add_row(version, *(short(row.get(model)) for model in models))
+    console().print("largest |efc_pos|, m or rad")
     console().print(printed)

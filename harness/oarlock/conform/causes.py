@@ -32,8 +32,8 @@ class Cause:
     """What explains an engine's answers.
 
     Attributes:
-        name: causes joined by ``+``: ``agrees``, ``exact``, ``jdotv``, ``rows``, ``cone``, ``mass``, ``float32``,
-            ``history`` (asked once more it answers otherwise); or ``unexplained``, ``reader``,
+        name: causes joined by ``+``: ``agrees``, ``exact``, ``jdotv``, ``rows``, ``cone``, ``mass``, ``compiled``,
+            ``float32``, ``history`` (asked once more it answers otherwise); or ``unexplained``, ``reader``,
             ``not expressible``, ``failed``.
         text: in words.
         left: largest relative difference of q̈ that is left once the cause is taken out; None where nothing is compared.
@@ -82,7 +82,7 @@ def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Caus
             continue
         left = apart(answer.qacc, laws.solve(law))
         if not (left > allowed).any():
-            return _explained(laws, law, left, allowed, single)
+            return _explained(law, left, allowed, single)
         if nearest is None or left.max() < nearest[0]:
             nearest = float(left.max()), law
     assert nearest is not None
@@ -91,10 +91,10 @@ def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Caus
     return Cause(UNEXPLAINED, said, difference, float(allowed.max()))
 
 
-def _explained(laws: Laws, law: Law, left: np.ndarray, allowed: np.ndarray, single: bool) -> Cause:
+def _explained(law: Law, left: np.ndarray, allowed: np.ndarray, single: bool) -> Cause:
     names = [name for name, changed in _changes(law).items() if changed] or [AGREES]
     text = words(law) or "as MuJoCo"
-    if single and (left > allowance(laws, laws.solve(MUJOCO), False)).any():
+    if single:
         names.append("float32")
         text += ", within float32"
     return Cause("+".join(names), text, float(left.max()), float(allowed.max()))
@@ -107,6 +107,7 @@ def _changes(law: Law) -> dict[str, bool]:
         "rows": bool(law.without),
         "cone": bool(law.cone),
         "mass": bool(law.masses),
+        "compiled": bool(law.arrays),
     }
 
 
@@ -121,6 +122,8 @@ def words(law: Law) -> str:
         said.append(f"without {few([quoted(name) for name in law.without])}")
     if law.cone:
         said.append(f"{law.cone} friction cone")
+    if law.arrays:
+        said.append(f"{few([name for name, _ in law.arrays])} compiled otherwise")
     if law.masses:
         said.append(f"other mass of {few([quoted(name) for name, _ in law.masses])}")
     return ", ".join(said)
@@ -133,8 +136,9 @@ def candidates(laws: Laws, answer: Answer) -> Iterator[Law]:
     changes: list[dict[str, Any]] = []
     own_cone = int(laws.model.opt.cone)
     changes += [{"cone": name} for name, cone in CONES.items() if int(cone) != own_cone]
-    if masses := other_masses(laws, answer):
-        changes.append({"masses": masses})
+    masses = other_masses(laws, answer)
+    changes += [{"arrays": arrays} for arrays in _other_arrays(answer)]
+    changes += [{"masses": masses}] if masses else []
     changes += [{"without": names} for names in _left_out(laws, answer)]
     for change in changes:
         for form in forms:
@@ -153,6 +157,15 @@ def other_masses(laws: Laws, answer: Answer) -> tuple[tuple[str, float], ...]:
     own = laws.masses()
     pairs = ((name, own[name], float(mass)) for name, mass in told.items() if name in own)
     return tuple((name, mass) for name, true, mass in pairs if abs(mass - true) > MASS_APART * max(true, MASS_APART))
+
+
+def _other_arrays(answer: Answer) -> list[tuple[tuple[str, tuple[float, ...]], ...]]:
+    """Arrays that the engine's compiler made otherwise, as it says: each alone, and all."""
+    told = answer.facts.get("compiled_apart")
+    if not isinstance(told, dict) or not told:
+        return []
+    pairs = [(name, tuple(map(float, values))) for name, values in told.items() if isinstance(values, list)]
+    return [*((pair,) for pair in pairs), *([tuple(pairs)] if len(pairs) > 1 else [])]
 
 
 def _left_out(laws: Laws, answer: Answer) -> list[tuple[str, ...]]:

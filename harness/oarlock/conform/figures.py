@@ -50,7 +50,7 @@ def measure(laws: Laws, plan: Plan, answers: dict[str, Answer]) -> dict[str, Any
         cause = Cause(SILENT, _silent(first))
     run = answers.get("run")
     if run is not None and run.expressible:
-        row |= _of_run(laws.model, plan, laws, run)
+        row |= _of_run(laws.model, plan, run)
     return {name: finite(value) for name, value in (row | cause.document()).items()}
 
 
@@ -60,7 +60,9 @@ def _silent(answer: Answer) -> str:
 
 
 def _brief(facts: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in facts.items() if name not in ("body_masses", "equalities")}
+    told = {name: value for name, value in facts.items() if name not in ("body_masses", "equalities")}
+    apart_by = told.get("compiled_apart")
+    return {**told, "compiled_apart": sorted(apart_by)} if isinstance(apart_by, dict) else told
 
 
 def _expected(laws: Laws) -> dict[str, Any]:
@@ -91,22 +93,14 @@ def _of_states(laws: Laws, plan: Plan, answer: Answer, stepped: bool) -> dict[st
     return found
 
 
-def _of_run(model: mujoco.MjModel, plan: Plan, laws: Laws, answer: Answer) -> dict[str, Any]:
+def _of_run(model: mujoco.MjModel, plan: Plan, answer: Answer) -> dict[str, Any]:
     gaps = opening(model, answer.qpos)
     widest = max(float(gaps.max()), float(answer.loop_error.max()) if answer.loop_error is not None else 0.0)
     found: dict[str, Any] = {"drift_max": widest, "drift_end": float(gaps[-1])}
-    found["apart_mujoco"] = _apart(model, answer.qpos[-1], _walked(laws, plan.steps))
+    found["apart_mujoco"] = _apart(model, answer.qpos[-1], np.array(plan.mujoco_end))
     if plan.exact_end is not None:
         found["apart_exact"] = _apart(model, answer.qpos[-1], np.array(plan.exact_end))
     return found
-
-
-def _walked(laws: Laws, steps: int) -> np.ndarray:
-    """Where the installed MuJoCo ends after so many steps from the first state, (nq)."""
-    data = mujoco.MjData(laws.model)
-    laws.place(data, 0)
-    mujoco.mj_step(laws.model, data, steps)
-    return data.qpos.copy()
 
 
 def _apart(model: mujoco.MjModel, qpos: np.ndarray, other: np.ndarray) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Baumgarte, Form
-from oarlock.engines.asking import States
+from oarlock.engines.asking import ACCURATE, States
 from oarlock.mechanics.names import Equality, element_name, equalities
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import BESIDE, SolverSpec
@@ -33,6 +33,7 @@ class Law:
         without: names of equalities that are left out.
         cone: of contacts; empty for the model's own.
         masses: (name of a body, kg) of bodies that have another mass.
+        arrays: (name of an array of the model, its numbers) of those that another compiler makes otherwise.
     """
 
     rigid: bool = False
@@ -40,11 +41,7 @@ class Law:
     without: tuple[str, ...] = ()
     cone: str = ""
     masses: tuple[tuple[str, float], ...] = ()
-
-    @property
-    def changes(self) -> int:
-        """In how many respects it is not MuJoCo's own."""
-        return sum((self.rigid, not self.curvature, bool(self.without), bool(self.cone), bool(self.masses)))
+    arrays: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
 
 MUJOCO = Law()
@@ -98,8 +95,8 @@ class Laws:
     def __init__(self, model: mujoco.MjModel, states: States):
         self.model = copy.copy(model)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        # Islands leave out what moves freely; how far MuJoCo's own solver goes is no part of what is compared.
-        self.model.opt.tolerance = 0.0
+        # How far an iteration goes is no part of what is compared.
+        self.model.opt.tolerance = ACCURATE["tolerance"]
         self.states = states
         self.equalities: list[Equality] = equalities(self.model)
         self._solved: dict[Law, Solved] = {}
@@ -157,9 +154,14 @@ class Laws:
         return solved
 
     def _changed(self, law: Law) -> mujoco.MjModel:
-        if not law.cone and not law.masses:
+        if not law.cone and not law.masses and not law.arrays:
             return self.model
         model = copy.copy(self.model)
+        for name, values in law.arrays:
+            own = getattr(model, name, None)
+            if not isinstance(own, np.ndarray) or own.size != len(values):
+                raise InputError(f"'{name}' is no array of {len(values)} numbers of this model")
+            own[:] = np.reshape(values, own.shape)
         if law.cone:
             model.opt.cone = CONES[law.cone]
         for name, mass in law.masses:

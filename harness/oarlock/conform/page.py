@@ -43,6 +43,7 @@ _SHORT = {
     "rows": "rows lost",
     "cone": "cone",
     "mass": "mass",
+    "compiled": "compiled",
     "float32": "f32",
     "history": "history",
     "reader": "import",

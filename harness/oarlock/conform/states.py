@@ -14,7 +14,7 @@ from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
 from oarlock.cases.conditions import Conditions
 from oarlock.diagnosis.sampling import sample
-from oarlock.engines.asking import Files, arrays_of, compiled, states_of, text_of
+from oarlock.engines.asking import Files, States, arrays_of, compiled, states_of, text_of
 from oarlock.experiments.laboratory import Laboratory
 from oarlock.experiments.opening import open_case
 from oarlock.experiments.sketch import traced
@@ -46,7 +46,8 @@ class Plan:
         steps: of the run; every: steps between its records.
         timestep: s.
         moving: which states (n) move.
-        exact_end: positions (nq) where our exact run ends; None where there is none under constant controls.
+        mujoco_end: positions (nq) where the run of the installed MuJoCo ends.
+        exact_end: the same of our exact run; None where there is none under constant controls.
         generated: whether the text of the model has rounded numbers.
     """
 
@@ -57,8 +58,14 @@ class Plan:
     every: int
     timestep: float
     moving: tuple[bool, ...]
+    mujoco_end: tuple[float, ...]
     exact_end: tuple[float, ...] | None
     generated: bool
+
+    @property
+    def asked(self) -> list[Any]:
+        """What of it the questions hold."""
+        return [self.name, self.steps, self.every, self.timestep, self.generated]
 
     @property
     def records(self) -> int:
@@ -72,9 +79,8 @@ class Plan:
     @classmethod
     def read(cls, document: dict[str, Any]) -> "Plan":
         """Reads what ``document`` made."""
-        end = document["exact_end"]
-        exact_end = None if end is None else tuple(end)
-        return cls(**{**document, "moving": tuple(document["moving"]), "exact_end": exact_end})
+        ends = {name: document[name] and tuple(document[name]) for name in ("mujoco_end", "exact_end")}
+        return cls(**{**document, "moving": tuple(document["moving"]), **ends})
 
 
 def own_model(case: Case, text: Files) -> mujoco.MjModel:
@@ -124,6 +130,7 @@ def prepare(asked: str, count: int, seed: int) -> tuple[Files, Plan]:
         every,
         float(model.opt.timestep),
         tuple(bool(moves) for moves in np.abs(states.qvel).max(axis=1, initial=0.0) > 0.0),
+        _mujoco_end(model, states, steps),
         _exact_end(case, setup, steps),
         case.model_path.suffix == ".py",
     )
@@ -141,6 +148,16 @@ def _steps(case: Case, model: mujoco.MjModel) -> tuple[int, int]:
     steps = max(1, round(min(RUN_S, case.file.run.duration_s) / float(model.opt.timestep)))
     every = next(size for size in range(max(1, steps // RECORDS), 0, -1) if steps % size == 0)
     return steps, every
+
+
+def _mujoco_end(model: mujoco.MjModel, states: States, steps: int) -> tuple[float, ...]:
+    """Where the installed MuJoCo ends after so many steps from the first state."""
+    data = mujoco.MjData(model)
+    data.time = states.time[0]
+    data.qpos[:], data.qvel[:] = states.qpos[0], states.qvel[0]
+    data.act[:], data.ctrl[:] = states.act[0], states.ctrl[0]
+    mujoco.mj_step(model, data, steps)
+    return tuple(data.qpos.tolist())
 
 
 def _exact_end(case: Case, setup: PreparedCase, steps: int) -> tuple[float, ...] | None:

@@ -147,7 +147,7 @@ class Question(Work):
         silence_s: float,
     ) -> "Question":
         """The unit of a model and an engine. ``marks`` are checksums of the files of the question."""
-        asking = [engine.precision, sorted(engine.settings.items()), plan.document(), sorted(marks.items()), ACCURATE]
+        asking = [engine.precision, sorted(engine.settings.items()), plan.asked, sorted(marks.items()), ACCURATE]
         mark = of_document([engine.program.digest, environment.identity, engine.requirements, asking])
         name = f"{ANSWERS} {engine.name}"
         label = f"{plan.name} {engine.name}"
@@ -197,7 +197,7 @@ class Question(Work):
                 asks.append(write(folder / question, {**files, "states.parquet": own.table(), "ask.json": document}))
             written = running.run(engine.program, self.environment, asks, self.silence_s)
             for question, answered in zip(questions, written.files, strict=True):
-                read(answered, plan.nq, plan.nv, _rows(plan, question, states), written.status)
+                _read(plan, question, answered, len(states), written.status)
         return dict(zip(questions, written.files, strict=True))
 
 
@@ -209,8 +209,9 @@ def _rounds(engine: Engine) -> list[list[str]]:
     return [asked] if engine.program.several else [[question] for question in asked]
 
 
-def _rows(plan: Plan, question: str, states: States) -> int:
-    return plan.records if question == "run" else len(states)
+def _read(plan: Plan, question: str, files: Files, states: int, status: int) -> Answer:
+    run = question == "run"
+    return read(files, plan.nq, plan.nv, plan.records if run else states, status, run=run)
 
 
 @dataclass(frozen=True)
@@ -251,7 +252,7 @@ class Compare(Work):
         laws = Laws(own_model(open_case(self.case), files), states)
         answers: dict[str, Answer] = {}
         for question, content in by_question(dict(self.answers)).items():
-            answers[question] = read(content, plan.nq, plan.nv, _rows(plan, question, states), running.NOT_EXPRESSIBLE)
+            answers[question] = _read(plan, question, content, len(states), running.NOT_EXPRESSIBLE)
         return Outcome(rows=[{"engine": self.engine, **measure(laws, plan, answers)}])
 
 

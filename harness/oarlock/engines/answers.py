@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from oarlock.base.errors import one_line
-from oarlock.engines.running import NOT_EXPRESSIBLE, EngineError, Written
+from oarlock.engines.running import NOT_EXPRESSIBLE, EngineError
 
 FORMAT = 1
 
@@ -54,23 +54,20 @@ class Answer:
         return len(self.time) > 0
 
 
-def read_answers(written: Written, nq: int, nv: int, counts: list[int]) -> list[Answer]:
-    """Reads what a program left for some questions.
+def read(files: dict[str, bytes], nq: int, nv: int, count: int, status: int = 0, *, run: bool = False) -> Answer:
+    """Reads what a program left for a question.
 
     Args:
-        written: what it left.
+        files: name → contents.
         nq: positions of the model.
         nv: velocities of the model.
-        counts: rows that each question asks for.
+        count: rows that the question asks for.
+        status: exit status of the program.
+        run: whether it is a run, whose start may be recorded too, in front.
 
     Raises:
         EngineError: an answer is missing, or is no answer: a row too many or too few, a wrong size, a NaN.
     """
-    return [read(files, nq, nv, count, written.status) for files, count in zip(written.files, counts, strict=True)]
-
-
-def read(files: dict[str, bytes], nq: int, nv: int, count: int, status: int = 0) -> Answer:
-    """Reads one answer, see ``read_answers``."""
     document = _document(files)
     answer = Answer(
         str(document["engine"]),
@@ -88,6 +85,8 @@ def read(files: dict[str, bytes], nq: int, nv: int, count: int, status: int = 0)
         table = pl.read_parquet(io.BytesIO(files["answer.parquet"]))
     except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         raise EngineError(f"answer.parquet cannot be read: {one_line(error)[:120]}") from None
+    if run and len(table) == count + 1:
+        table = table.tail(count)
     if len(table) != count:
         raise EngineError(f"answer.parquet has {len(table)} rows, expected {count}")
     sizes = {"nv": nv, "nq": nq}

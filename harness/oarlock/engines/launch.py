@@ -1,8 +1,8 @@
 """Runs a program of an engine: ``PYTHON launch.py PROGRAM ASK ANSWER [ASK ANSWER ...]``.
 
-Standard library only, any Python from 3.9 on. The folders in ``OARLOCK_ENGINE_PATH`` come first on ``sys.path`` and the
-program's own last, because a program is named as the package that it imports. The process ends when whoever started it
-is gone: their end of its standard input closes then.
+Standard library only, any Python from 3.9 on. The folders in ``OARLOCK_ENGINE_PATH`` come first on ``sys.path``; the
+program's own and that of the programs here, with what they share, come last, because a program is named as the package
+that it imports. The process ends when whoever started it is gone: their end of its standard input closes then.
 """
 
 import os
@@ -25,7 +25,9 @@ def main() -> None:
     sys.argv = sys.argv[1:]
     first = [folder for folder in os.environ.pop("OARLOCK_ENGINE_PATH", "").split(os.pathsep) if folder]
     sys.path[:1] = first  # in place of the folder of this file
-    sys.path.append(os.path.dirname(os.path.abspath(sys.argv[0])))
+    own = os.path.dirname(os.path.abspath(sys.argv[0]))
+    shared = os.path.join(os.path.dirname(os.path.abspath(__file__)), "programs")
+    sys.path += [own] if own == shared else [own, shared]
     runpy.run_path(sys.argv[0], run_name="__main__")
 
 

@@ -28,6 +28,9 @@ import numpy as np
 from mujoco import mjx
 from shared import family
 
+LOOKS = 8
+"""Moving states at most whose reference accelerations are looked at."""
+
 
 def _arrays(data):
     """Where MJX keeps the arrays of its rows, which differs by version."""
@@ -123,11 +126,11 @@ def main():
         functions = [partial(function, device) for function in made[ask.precision]]
         family.progress(0, 1)
         columns = (_run if ask.question == "run" else _states)(start, ask, *functions)
-        fastest = int(np.abs(ask.states["qvel"]).max(axis=1, initial=0.0).argmax())
-        state = functions[0](_placed(start, ask, fastest))
-        moving = bool(ask.states["qvel"][fastest].any())
-        facts = {**family.model_facts(mujoco, model), "rows": int(getattr(_arrays(state), "ne", 0) or 0)}
-        facts["jdotv"] = _jdotv(model, state, ask, fastest, ask.precision) if moving else "unknown"
+        moving = np.flatnonzero(ask.states["qvel"].any(axis=1))[:LOOKS]
+        states = [functions[0](_placed(start, ask, row)) for row in moving]
+        found = [_jdotv(model, state, ask, row, ask.precision) for row, state in zip(moving, states)]  # noqa: B905
+        facts = {**family.model_facts(mujoco, model, ask), "jdotv": family.any_jdotv(found)}
+        facts["rows"] = int(max((getattr(_arrays(state), "ne", 0) or 0 for state in states), default=0))
         family.write_answer(answer, {**document, "not_expressible": [], "facts": facts}, columns)
     family.end(False)
 

@@ -27,11 +27,13 @@ def _jdotv(model, data):
 
 
 def _facts(model, data, ask):
-    fastest = int(np.abs(ask.states["qvel"]).max(axis=1, initial=0.0).argmax())
-    family.place(mujoco, model, data, ask, fastest)
-    mujoco.mj_forward(model, data)
-    facts = {**family.model_facts(mujoco, model), "rows": int(data.ne)}
-    return {**facts, "jdotv": _jdotv(model, data) if ask.states["qvel"][fastest].any() else "unknown"}
+    found, rows = [], 0
+    for row in np.flatnonzero(ask.states["qvel"].any(axis=1)):
+        family.place(mujoco, model, data, ask, row)
+        mujoco.mj_forward(model, data)
+        found.append(_jdotv(model, data))
+        rows = max(rows, int(data.ne))
+    return {**family.model_facts(mujoco, model, ask), "rows": rows, "jdotv": family.any_jdotv(found)}
 
 
 def _states(model, data, ask):

@@ -118,16 +118,17 @@ def main():
             refused = True
             continue
         family.progress(0, 1)
-        facts = {**family.model_facts(mujoco, model), "rows": int(np.max(engine.data.ne.numpy()))}
+        facts = {**family.model_facts(mujoco, model, ask), "rows": int(np.max(engine.data.ne.numpy()))}
         if ask.question == "run":
             columns, facts["jdotv"] = _run(engine, ask), "unknown"
         else:
             columns = _states(engine, ask)
             engine.place(ask.states)
             mujoco_warp.forward(engine.model, engine.data)
-            fastest = int(np.abs(ask.states["qvel"]).max(axis=1, initial=0.0).argmax())
-            moving = bool(ask.states["qvel"][fastest].any())
-            facts["jdotv"] = _jdotv(model, engine, ask, fastest) if moving else "unknown"
+            # Asked twice: its rows take J̇v from the velocities of the call before.
+            mujoco_warp.forward(engine.model, engine.data)
+            moving = np.flatnonzero(ask.states["qvel"].any(axis=1))
+            facts["jdotv"] = family.any_jdotv([_jdotv(model, engine, ask, row) for row in moving])
         family.write_answer(answer, {**document, "not_expressible": [], "facts": facts}, columns)
     family.end(refused)
 

@@ -144,6 +144,25 @@ def compile_mujoco(mujoco: Any, ask: Ask) -> Any:
     return model
 
 
+COMPARED = ("body_", "dof_", "jnt_", "eq_", "geom_", "site_", "tendon_", "actuator_", "qpos")
+"""Prefixes of arrays on which motion depends."""
+
+COMPILED_APART = 1e-6
+"""Relative difference of a compiled array that is none: what writers of texts round."""
+
+
+def compiled_apart(model: Any, ask: Ask) -> dict[str, list[float]]:
+    """Arrays of numbers that this compiler made otherwise than the one that the question comes from."""
+    found = {}
+    for name, value in ask.model.items():
+        own = getattr(model, name, None) if name.startswith(COMPARED) else None
+        if not isinstance(own, np.ndarray) or own.shape != value.shape or own.dtype.kind != "f" or not own.size:
+            continue
+        if np.abs(own - value).max() > COMPILED_APART * max(np.abs(value).max(), np.finfo(float).tiny):
+            found[name] = own.ravel().tolist()
+    return found
+
+
 def place(mujoco: Any, model: Any, data: Any, ask: Ask, row: int) -> None:
     """Writes a state into a data."""
     mujoco.mj_resetData(model, data)
@@ -154,18 +173,24 @@ def place(mujoco: Any, model: Any, data: Any, ask: Ask, row: int) -> None:
     data.ctrl[:] = ask.states["ctrl"][row]
 
 
-def model_facts(mujoco: Any, model: Any) -> dict[str, Any]:
+def model_facts(mujoco: Any, model: Any, ask: Ask) -> dict[str, Any]:
     """What a compiled model holds: masses by body, names of the equalities, friction cone."""
 
     def name(kind: str, index: int) -> str:
         return mujoco.mj_id2name(model, getattr(mujoco.mjtObj, "mjOBJ_" + kind), index) or f"#{index}"
 
     return {
+        "compiled_apart": compiled_apart(model, ask),
         "total_mass": float(model.body_mass.sum()),
         "body_masses": {name("BODY", index): float(model.body_mass[index]) for index in range(1, model.nbody)},
         "equalities": [name("EQUALITY", index) for index in range(model.neq)],
         "cone": "elliptic" if int(model.opt.cone) == int(mujoco.mjtCone.mjCONE_ELLIPTIC) else "pyramidal",
     }
+
+
+def any_jdotv(found: list[Any]) -> Any:
+    """What some states say together: that there is a J̇v, if one of them shows it."""
+    return True if True in found else False if False in found else "unknown"
 
 
 def has_jdotv(aref: np.ndarray, laws: np.ndarray, rate: np.ndarray, gap: np.ndarray, precision: str) -> Any:
