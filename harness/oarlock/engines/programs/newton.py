@@ -34,6 +34,13 @@ def _rows(builder):
     return sum(rows for _, rows in known), [kind for kind, _ in known]
 
 
+def _velocities(builder):
+    """Velocities of the tree, without those of joints that close loops, which are in no articulation."""
+    starts = [*map(int, builder.joint_qd_start), int(builder.joint_dof_count)]
+    tree = [number for number, owner in enumerate(builder.joint_articulation) if owner >= 0]
+    return sum(starts[number + 1] - starts[number] for number in tree)
+
+
 def main():
     """Answers every question by what the importer kept."""
     for ask, answer in family.questions():
@@ -52,7 +59,8 @@ def main():
             "body_masses": dict(zip(names, masses)),  # noqa: B905 (lists of one builder)
             "rows": rows,
             "constraints": {kind: kept.count(kind) for kind in sorted(set(kept))},
-            "velocities": int(builder.joint_dof_count),
+            "body_places": dict(zip(names, [list(map(float, pose))[:3] for pose in builder.body_q])),  # noqa: B905
+            "velocities": _velocities(builder),
             "warnings": [str(one.message)[:200] for one in said[:20]],
         }
         why = "only what its reader keeps is looked at: no state is asked of it"
