@@ -32,6 +32,7 @@ COMMANDS = {
     "conform": "conform.conform",
     "versions": "versions.versions",
     "sample": "sample.sample",
+    "export": "export.export",
     "explain": "explain.explain",
 }
 """Name of a command → its file in this folder and its function there, which are loaded when it is called."""

@@ -18,6 +18,7 @@ class Reader:
         weights: whether it gives a body a mass that has shapes and does not say that it weighs nothing.
         shifts: whether it loses the ``ref`` of the first of several joints.
         seats: whether it misplaces joints of a body that has several and lies off its parent.
+        gravity: whether it takes the gravity of the file.
         sites: whether it takes sites.
         actuators: whether it takes motors of joints.
     """
@@ -30,6 +31,7 @@ class Reader:
     weights: bool = False
     shifts: bool = False
     seats: bool = False
+    gravity: bool = True
     sites: bool = True
     actuators: bool = True
 
@@ -48,7 +50,7 @@ READERS = {
             actuators=False,
         ),
         Reader("drake", "drake", "Drake", ("connect",), seats=True, sites=False),
-        Reader("newton", "newton", "Newton", ("connect", "weld", "joint")),
+        Reader("newton", "newton", "Newton", ("connect", "weld", "joint"), gravity=False),
     )
 }
 """Name → reader."""

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError, one_line
+from oarlock.base.errors import InputError, few, one_line
 from oarlock.base.files import write_text
 from oarlock.base.scratch import scratch_folder
 from oarlock.engines import environments, running
@@ -45,6 +45,23 @@ class Exported:
     read: list[str] = field(default_factory=list)
     differences: list[str] = field(default_factory=list)
 
+    def lines(self) -> list[str]:
+        """What it has and what it lacks, a line each."""
+        export, title = self.export, self.reader.title
+        has = f"has {few(export.equalities, most=12)}" if export.equalities else "has no equality"
+        said = [f"{self.model} for {title}: {has}"]
+        said += [f"left out: {one}" for one in export.left]
+        if export.split:
+            said.append(f"free joint as three slides and a ball, under one root: {few(export.split)}")
+        if export.shifted or export.turned:
+            count = len(export.shifted) + len(export.turned)
+            said.append(f"counted from the pose that is written: {count} of the positions, named in --json")
+        if not self.read:
+            said.append(
+                f"not read back: {title} is not there; oarlock conform --install --engine {self.reader.program}"
+            )
+        return said + self.read
+
     def document(self) -> dict[str, Any]:
         """As ``oarlock export --json``."""
         return {
@@ -73,7 +90,7 @@ def export(asked: str, reader: str, out: Path | None = None, engine: str = "") -
         InputError: there is no such reader or model, it cannot be closed, or the file cannot be written.
     """
     chosen = reader_of(reader)
-    model, reference = _model(asked)
+    model, reference = closed_model(asked)
     written = Writer(model, chosen, reference).write()
     exported = Exported(asked, chosen, written)
     if out is not None:
@@ -84,8 +101,12 @@ def export(asked: str, reader: str, out: Path | None = None, engine: str = "") -
     return exported
 
 
-def _model(asked: str) -> tuple[mujoco.MjModel, np.ndarray]:
-    """A model, and a pose that closes its equalities: its own where that does."""
+def closed_model(asked: str) -> tuple[mujoco.MjModel, np.ndarray]:
+    """A model, and a pose (nq) that closes its equalities: its own where that does, else the start of its runs.
+
+    Raises:
+        InputError: there is no such model, or it cannot be closed.
+    """
     case = open_case(asked)
     model = load_model(case.model_path, case.parameters)
     data = mujoco.MjData(model)

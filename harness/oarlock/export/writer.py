@@ -21,6 +21,9 @@ from oarlock.mechanics.prepare import integrator_of
 BASE = "base"
 """Name of the body that holds all others, for readers that take one only."""
 
+EARTH = (0.0, 0.0, -9.81)
+"""m/s². The gravity of whoever reads none."""
+
 TOGETHER = 1e-9
 """m or rad. Points of a connect further apart, in the pose that is written, are no connect of the reader's."""
 
@@ -178,6 +181,9 @@ class Writer:
         gravity = option.gravity * (not option.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
         name = {"euler": "Euler", "rk4": "RK4"}.get(integrator_of(self._model).name, "implicitfast")
         ET.SubElement(root, "option", timestep=_text([option.timestep]), gravity=_text(gravity), integrator=name)
+        if not self._reader.gravity and not np.array_equal(gravity, EARTH):
+            why = f"{self._reader.title}'s reader takes {' '.join(f'{one:g}' for one in EARTH)}"
+            self._leave(f"gravity {' '.join(f'{one:g}' for one in gravity)}", why)
         if option.density or option.viscosity:
             self._leave("option", "a fluid")
 
@@ -283,7 +289,7 @@ class Writer:
         model = self._model
         for site in np.flatnonzero(model.site_bodyid == body).tolist() if self._reader.sites else ():
             pose = {"pos": _text(model.site_pos[site]), "quat": _text(model.site_quat[site])}
-            ET.SubElement(element, "site", name=self._name(_SITE, site), **pose)
+            ET.SubElement(element, "site", {"name": self._name(_SITE, site), **pose})
         for geom in np.flatnonzero(model.geom_bodyid == body).tolist():
             name = self._name(_GEOM, geom)
             if int(model.geom_type[geom]) not in _SIZES:
@@ -331,9 +337,7 @@ class Writer:
             ET.SubElement(parent, "connect", {**common, **self._bodies(first, second), "anchor": _text(place1)})
             return ""
         (first, place1), (second, place2), turn = pose
-        arm = np.zeros(3)
-        mujoco.mju_rotVecQuat(arm, place2, turn)
-        relative = _text([*(place1 - arm), *turn])
+        relative = _text([*place1, *turn])  # with an anchor MuJoCo takes its place in the first body here
         said = {"relpose": relative, "anchor": _text(place2), "torquescale": _text([model.eq_data[index, 10]])}
         ET.SubElement(parent, "weld", {**common, **self._bodies(first, second), **said})
         return ""
@@ -401,7 +405,7 @@ class Writer:
             said = {"joint": self._name(_JOINT, joint), "gear": _text([gear])}
             if model.actuator_ctrllimited[actuator]:
                 said |= {"ctrllimited": "true", "ctrlrange": _text(model.actuator_ctrlrange[actuator])}
-            ET.SubElement(parent, "motor", name=name, **said)
+            ET.SubElement(parent, "motor", {"name": name, **said})
 
     def _count_others(self) -> None:
         others = _OTHERS if self._reader.sites else {**_OTHERS, "site": "site"}

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from shared.compiled import BALL, FREE, Compiled, matrix, unit
-from shared.exchange import Answer, answer_all, tell
+from shared.exchange import Answer, NotExpressible, answer_all, tell
 from shared.family import Ask
 
 MU, ACCURACY, ITERATIONS = 1e-8, 1e-14, 50
@@ -79,6 +79,8 @@ def _forward(pin: Any, ask: Ask, answer: Answer, model: Any, constraints: Any) -
                 v[dof : dof + 3], tau[dof : dof + 3] = turn.T @ qvel[dof : dof + 3], turn.T @ force[dof : dof + 3]
                 free.append((dof, turn))
         a = pin.constraintDynamics(model, data, q, v, tau, constraints, datas, settings).copy()
+        if not np.isfinite(a).all():
+            raise NotExpressible("model", "what the reader keeps has no accelerations: bodies without mass")
         held = pin.rnea(model, model.createData(), q, v, a) - tau
         for dof, turn in free:
             a[dof : dof + 3] = turn @ (a[dof : dof + 3] + np.cross(v[dof + 3 : dof + 6], v[dof : dof + 3]))
@@ -91,7 +93,10 @@ def answered(ask: Ask, answer: Answer) -> None:
     """Answers one question."""
     pin = import_module("pinocchio")
     answer.versions = {"pin": pin.__version__, "numpy": np.__version__}
-    model, constraints = pin.buildModelAndLegacyConstraintsFromMJCF(str(ask.folder / "model.xml"))
+    try:
+        model, constraints = pin.buildModelAndLegacyConstraintsFromMJCF(str(ask.folder / "model.xml"))
+    except (ValueError, RuntimeError) as error:
+        raise NotExpressible("model", f"the reader refuses it: {' '.join(str(error).split())}") from None
     answer.facts = _facts(pin, model, constraints)
     answer.expressed = ["connect", "weld"]
     size = int(ask.model["nv"]), int(ask.model["nq"])

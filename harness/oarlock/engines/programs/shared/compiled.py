@@ -88,9 +88,11 @@ class Compiled:
         return (str(names[index]) if names is not None and index < len(names) else "") or f"#{index}"
 
     def called(self, sort: str, index: int) -> str:
-        """An element in words, such as ``equality 'pin'``."""
+        """An element in words, such as ``equality 'pin'``; one that is described, as ``geom of 'base'``, stands so."""
         name = self.name(sort, index)
-        return f"{sort} {name}" if name.startswith("#") else f"{sort} '{name}'"
+        if name.startswith("#") or " of '" in name:
+            return f"{sort} {name}" if name.startswith("#") else name
+        return f"{sort} '{name}'"
 
     def on(self, what: str) -> bool:
         """Whether the model's flags leave a part of the physics on."""
