@@ -381,10 +381,12 @@ class Setup:
         solver: MultiplierSolver,
         projector: MultiplierSolver | None = None,
         beside: MultiplierSolver | None = None,
+        judged: bool = True,
     ) -> Run:
-        """A solver walks alone in a form; a projector may end its steps.
+        """A solver walks in a form; a projector may end its steps.
 
-        A solver may walk beside it with half the timestep, which tells its error.
+        A solver may walk beside it with half the timestep, which tells its error. Where it is judged, MuJoCo as
+        configured walks beside it, and another solver says the minimum-norm multipliers.
         """
     def profile(self, steps: int, solver: MultiplierSolver) -> dict[str, Any]:
         """Where the time of a free run on exact constraints goes.

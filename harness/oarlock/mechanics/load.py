@@ -13,11 +13,14 @@ import numpy as np
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
 from oarlock.cases.case import refuse_code
+from oarlock.mechanics.given import COMPILED, compiled_at
 from oarlock.mechanics.limits import require_moderate, require_moderate_model
 
 
 def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
     """Loads an MJCF file, or builds the model of a ``model.py`` by its ``build(**parameters) -> mujoco.MjSpec``.
+
+    A file of ``mechanics.given`` that stands for a compiled model gives a copy of that.
 
     Raises:
         InputError: the file is missing or malformed, ``build`` refuses the parameters, a number is not finite, or the
@@ -26,11 +29,13 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     if not path.is_file():
         raise InputError(f"no model file '{path}'")
     try:
-        if path.suffix != ".py":
+        if path.suffix not in (".py", COMPILED):
             require_moderate(path)
         with collected_warnings() as said:
             if path.suffix == ".py":
                 model = build_spec(path, parameters or {}).compile()
+            elif path.suffix == COMPILED:
+                model = compiled_at(path)
             else:
                 model = mujoco.MjModel.from_xml_path(str(path))
     except InputError:

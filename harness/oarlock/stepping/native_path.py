@@ -121,6 +121,8 @@ class NativePath:
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
+        *,
+        judged: bool = True,
     ) -> Tables:
         """As ``Path``."""
         steps, make = self._prepared.steps, self._make
@@ -128,7 +130,8 @@ class NativePath:
             return self._walk("mujoco", self.core.free_mujoco(steps))
         last = make(projector) if projector else None
         beside = make(SOLVER_BESIDE) if form == "hard" else None
-        return self._walk("free", self.core.free_solved(steps, form, make(solver), last, beside))
+        run = self.core.free_solved(steps, form, make(solver), last, beside, judged)
+        return self._walk("free" if judged else "alone", run)
 
     def _walk(self, walk: Walk, run: core.Run, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""

@@ -161,9 +161,11 @@ impl Setup {
         Run::of(py, experiments::free_mujoco(&self.inner, steps))
     }
 
-    /// A solver walks alone in a form; a projector may end its steps, and a solver may walk beside it with half the timestep,
-    /// which tells its error.
-    #[pyo3(signature = (steps, form_name, solver, projector=None, beside=None))]
+    /// A solver walks in a form; a projector may end its steps, and a solver may walk beside it with half the timestep,
+    /// which tells its error. Where it is judged, MuJoCo as configured walks beside it, and another solver says the
+    /// minimum-norm multipliers.
+    #[pyo3(signature = (steps, form_name, solver, projector=None, beside=None, judged=true))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn free_solved(
         &self,
         py: Python<'_>,
@@ -172,10 +174,11 @@ impl Setup {
         solver: SolverRef<'_>,
         projector: Option<SolverRef<'_>>,
         beside: Option<SolverRef<'_>>,
+        judged: bool,
     ) -> PyResult<Run> {
         let beside = beside.map(|solver| solver.fresh()).transpose()?;
         let (form, projector) = (form(form_name)?, self.projector(projector.as_deref())?);
-        Run::of(py, experiments::free_solved(&self.inner, form, solver.fresh()?, projector, beside, steps))
+        Run::of(py, experiments::free_solved(&self.inner, form, solver.fresh()?, projector, beside, judged, steps))
     }
 
     /// Where the time of a free run on exact constraints goes, as a dictionary: parts, by the order of a step, {part: (time in
