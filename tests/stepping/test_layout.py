@@ -13,6 +13,7 @@ from oarlock.stepping.layout import Layout, disagreement, known_layout
 
 LAYOUTS = Path(__file__).parents[2] / "rust" / "mujoco" / "layouts"
 
+
 def known() -> Layout:
     found = known_layout()
     if found is None:
@@ -61,7 +62,9 @@ def test_a_row_that_is_shifted_leads_to_the_python_path_and_one_line(monkeypatch
     monkeypatch.setattr(native_path, "known_layout", lambda: shifted)
     native_path.refusal.cache_clear()
     try:
-        assert native_path.refusal() == f"MuJoCo {mujoco.__version__} keeps mjModel.nq elsewhere than oarlock's table says"
+        assert (
+            native_path.refusal() == f"MuJoCo {mujoco.__version__} keeps mjModel.nq elsewhere than oarlock's table says"
+        )
     finally:
         native_path.refusal.cache_clear()
 

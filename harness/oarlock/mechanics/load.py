@@ -13,6 +13,7 @@ import numpy as np
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
 from oarlock.cases.case import refuse_code
+from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.given import COMPILED, compiled_at
 from oarlock.mechanics.limits import require_moderate, require_moderate_model
 
@@ -63,10 +64,9 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
 def _has_inertia(model: mujoco.MjModel) -> bool:
     """Whether the mass matrix of a model in its own pose is positive definite."""
     data = mujoco.MjData(model)
-    matrix = np.zeros((model.nv, model.nv))
     with collected_warnings():
         mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fullM(model, data, matrix)
+        matrix = full_mass(model, data)
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:

@@ -72,7 +72,7 @@ def known_layout() -> Layout | None:
 
 
 def disagreement(layout: Layout) -> str:
-    """The first field at whose place MuJoCo's bindings show something else than a layout says; empty if there is none."""
+    """The first field that MuJoCo's bindings show elsewhere than a layout says; empty if there is none."""
     model, data = _sample()
     if model.eq_data.shape[1] != layout.eq_data_width:
         return "eq_data"
