@@ -5,6 +5,7 @@ import sys
 import traceback
 import warnings
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
@@ -16,7 +17,11 @@ from oarlock.stepping import native_path
 from oarlock.stepping.solvers import SolverSpec
 from walks import require_equal
 
-FIXTURE = Path(__file__).parents[1] / "fixtures" / "check" / "gripper_2f" / "scene.xml"
+FIXTURE = Path(__file__).parents[1] / "fixtures" / "check" / "damped_gripper.xml"
+
+NEW = """<mujoco><worldbody><body name="arm"><joint name="pin" springyield="1"/><geom size=".1"/></body></worldbody>
+  <equality><joint joint1="pin"/></equality></mujoco>"""
+"""A model that only the newest version knows."""
 
 STEPS = 200
 """Of an exact run against the outside truth; whole runs would take the Python path minutes."""
@@ -36,6 +41,7 @@ def main() -> None:
     warnings.simplefilter("ignore")
     found: dict[str, Any] = {"version": mujoco.__version__, "refusal": native_path.refusal()}
     try:
+        found["unknown"] = _unknown()
         found |= {"loads": _loads(), "truth": _truth(), "iterations": _iterations(), "findings": _findings()}
         found["differing"] = [] if found["refusal"] else _differing()
     except Exception:
@@ -54,6 +60,18 @@ def _loads() -> dict[str, str]:
         except InputError as error:
             found[name] = str(error)
     return found
+
+
+def _unknown() -> str:
+    """What is said of a model with an attribute of the newest version; empty if it loads."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "new.xml"
+        path.write_text(NEW, encoding="utf-8")
+        try:
+            load_model(path)
+        except InputError as error:
+            return str(error)
+    return ""
 
 
 def _small() -> list[str]:

@@ -14,7 +14,12 @@ VERSION = version_numbers(mujoco.__version__)
 """Such as (3, 3, 7)."""
 
 SPARSE_NEWTON_ERRS = VERSION == (4, 0, 0)
-"""Whether Newton may use a wrong factor where the Jacobian is sparse (google-deepmind/mujoco#3767)."""
+"""Whether Newton may use a wrong factor where the Jacobian is sparse (google-deepmind/mujoco#3767).
+
+The error came with 4.0.0 and went with 4.0.1."""
+
+NEWEST = (4, 0, 0)
+"""The newest version that oarlock was tested with."""
 
 SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 """The enable flag by which trees fall asleep; 0 in a version that knows no sleep."""
@@ -23,6 +28,12 @@ SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 def lacks_curvature(kind: EqualityKind) -> bool:
     """Whether MuJoCo's reference acceleration lacks a J̇v of an equality of a kind that is known."""
     return kind.lacks_curvature(VERSION)
+
+
+def too_old(said: str) -> str:
+    """What to add to MuJoCo's refusal of a model where a newer version might take it; empty where not."""
+    unknown = any(word in said for word in ("unrecognized", "invalid keyword", "too much data"))
+    return f"; this is MuJoCo {mujoco.__version__}, a newer one may know it" if unknown and VERSION < NEWEST else ""
 
 
 _M_IS_ASKED_OF_DATA = "d: mujoco" in (mujoco.mj_fullM.__doc__ or "").partition("\n")[0]  # since 3.10
