@@ -446,7 +446,18 @@ def open_mujoco(path: str) -> None:
     """Resolves the native step loops from MuJoCo's library at ``path``, which 'import mujoco' must have loaded.
 
     Raises:
-        InputError: it is another version than the one that this was built against.
+        InputError: nothing is known of the layout of its version.
+    """
+
+def mujoco_versions() -> list[int]:
+    """The versions of MuJoCo whose layouts are known, as ``mj_version()`` has them, oldest first."""
+
+def mujoco_layout(version: int) -> tuple[list[tuple[str, str, str, int]], int, int] | None:
+    """The layout of a version of MuJoCo; None where it is not known.
+
+    Returns:
+        Struct, field, type in C and offset (bytes) of everything that the step loops read; the bytes of an mjContact;
+        and the numbers that an equality has in ``eq_data``.
     """
 
 def advance_all(runs: list[Run], steps: int) -> list[int]:

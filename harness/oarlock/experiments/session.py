@@ -26,6 +26,7 @@ from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.mechanics.given import Model, path_of
+from oarlock.stepping.native_path import refusal
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables.aggregate import judge, summarise
 from oarlock.tables.folder import SUMMARY, ResultFolder, scan_parquet
@@ -122,7 +123,8 @@ def _carried_out(
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
     told = {} if setup.told is None else {"motion": setup.told}
-    provenance = {**inputs(case), **ignored, **told, **occasion()}
+    refused = {"native_stepping": refusal()} if refusal() and options.stepping != "python" else {}
+    provenance = {**inputs(case), **refused, **ignored, **told, **occasion()}
     results = Results(case, provenance=provenance, model=describe(setup), truth=setup.truth, folder=folder)
     results.motion = setup.told or str(setup.begins)
     results.verdicts += expectations(case, results.model)

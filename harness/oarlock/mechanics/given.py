@@ -11,6 +11,7 @@ import mujoco
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.scratch import scratch
+from oarlock.mechanics.engine_version import too_old
 
 Model = str | Path | mujoco.MjModel | mujoco.MjSpec
 """A name, a path, MJCF as text, a compiled model, or a specification of one."""
@@ -37,7 +38,7 @@ def path_of(model: Model) -> str | Path:
     try:
         compiled = model.copy().compile() if isinstance(model, mujoco.MjSpec) else copy.copy(model)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise InputError(f"the MjSpec: MuJoCo refuses it: {one_line(error)}") from None
+        raise InputError(f"the MjSpec: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}") from None
     if not isinstance(compiled, mujoco.MjModel):
         raise InputError(f"model is a {type(model).__name__}, expected a name, a path, MJCF, an MjModel or an MjSpec")
     path = _place(compiled.names.partition(b"\0")[0].decode(errors="replace"), COMPILED)
@@ -61,7 +62,9 @@ def _of_text(text: str) -> Path:
     try:
         spec = mujoco.MjSpec.from_string(text)
     except ValueError as error:
-        raise InputError(f"the MJCF that was given: MuJoCo refuses it: {one_line(error)}") from None
+        raise InputError(
+            f"the MJCF that was given: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}"
+        ) from None
     path = _place(spec.modelname, ".xml")
     path.write_text(text, encoding="utf-8")
     return path

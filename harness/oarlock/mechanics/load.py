@@ -13,6 +13,7 @@ import numpy as np
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
 from oarlock.cases.case import refuse_code
+from oarlock.mechanics.engine_version import full_mass, too_old
 from oarlock.mechanics.given import COMPILED, compiled_at
 from oarlock.mechanics.limits import require_moderate, require_moderate_model
 
@@ -41,7 +42,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     except InputError:
         raise
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}{_callbacks()}") from None
+        raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}{_callbacks()}") from None
     for text in said:
         if "NaN" in text:  # MuJoCo takes a NaN for a number that was left out, or computes with it
             raise InputError(f"{path}: {_attribute_with_nan(path)} is not a number, expected finite numbers only")
@@ -63,10 +64,9 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
 def _has_inertia(model: mujoco.MjModel) -> bool:
     """Whether the mass matrix of a model in its own pose is positive definite."""
     data = mujoco.MjData(model)
-    matrix = np.zeros((model.nv, model.nv))
     with collected_warnings():
         mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fullM(model, data, matrix)
+        matrix = full_mass(model, data)
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:

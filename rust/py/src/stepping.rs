@@ -35,10 +35,28 @@ fn form(name: &str) -> PyResult<Form> {
 
 /// Resolves the native step loops from MuJoCo's library at `path`, which 'import mujoco' must have loaded.
 ///
-/// Raises `InputError` if it is another version than the one that this was built against.
+/// Raises `InputError` if nothing is known of the layout of its version.
 #[pyfunction]
 pub fn open_mujoco(py: Python<'_>, path: &str) -> PyResult<()> {
     native::library::open(path).map_err(|error| raised(py, &error))
+}
+
+/// The versions of MuJoCo whose layouts are known, as `mj_version()` has them, oldest first.
+#[pyfunction]
+pub fn mujoco_versions() -> Vec<i32> {
+    native::library::versions()
+}
+
+/// Struct, field, type in C, and offset of a field.
+type Place = (&'static str, &'static str, &'static str, u32);
+
+/// The layout of a version of MuJoCo: struct, field, type in C and offset (bytes) of everything that the step loops read,
+/// the bytes of an mjContact, and mjNEQDATA. None where it is not known.
+#[pyfunction]
+pub fn mujoco_layout(version: i32) -> Option<(Vec<Place>, usize, usize)> {
+    let layout = native::library::layout(version)?;
+    let places = layout.places.iter().map(|one| (one.whole, one.field, one.kind, one.offset));
+    Some((places.collect(), layout.contact_size, layout.eq_data_width))
 }
 
 /// A prepared model at a consistent start, with its drive. The model is copied: later changes to it are not seen.

@@ -27,6 +27,7 @@ from oarlock.diagnosis.runs.walking import (
 )
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.curvature import Curvature
+from oarlock.mechanics.engine_version import diagonal_approx
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import integrator_of
@@ -64,7 +65,7 @@ class Recording:
         exact_force: f*: what a solver without error would give, (A + R)⁻¹ (aref − J a₀), with a₀ the acceleration
             without the loops' forces; beside limits, friction loss or contacts the solution of the whole problem.
         softness: R (``efc_R``); stiffness: K; damping: B; impedance: d (``efc_KBIP``).
-        diagonal_approx: MuJoCo's estimate of the diagonal of A (``efc_diagA``); diagonal: the true one.
+        diagonal_approx: MuJoCo's estimate of the diagonal of A (``diagonal_approx``); diagonal: the true one.
         aref: MuJoCo's reference acceleration; reached: J·qacc; curvature: J̇v.
         present: whether MuJoCo made the row.
         qacc_free: the acceleration of a₀, (steps, nv).
@@ -336,7 +337,7 @@ class _Recorder:
             ("force", data.efc_force),
             ("softness", data.efc_R),
             ("aref", data.efc_aref),
-            ("diagonal_approx", data.efc_diagA),
+            ("diagonal_approx", diagonal_approx(data)),
         ):
             rows[name][step, columns] = values[own]
         stiffness, damping, impedance, _ = data.efc_KBIP[own].T
