@@ -138,7 +138,7 @@ class Laws:
         numbers = range(len(self.states)) if chosen is None else chosen.tolist()
         model = self._changed(law)
         data = mujoco.MjData(model)
-        known = np.array([one.kind.mujoco_knows_curvature for one in self.equalities])
+        known = np.array([one.kind.curvature_since is not None for one in self.equalities])
         left_out = [one.index for one in self.equalities if one.name in law.without]
         state = _Asked(model, data, law, known)
         form: Form = "hard" if law.rigid else "matched"

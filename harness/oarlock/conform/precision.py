@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.conform.laws import Laws, Solved, scale
+from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.rows import jacobian
 
 DRAWS = 6
@@ -46,8 +47,7 @@ def _lost(model: mujoco.MjModel, data: mujoco.MjData, kind: type, rng: np.random
     """Largest change ‖δa‖ of a state over the draws."""
     active = np.flatnonzero(data.efc_force[: data.nefc] != 0.0)
     active = np.union1d(np.arange(data.ne), active).astype(int)
-    rows, mass = jacobian(model, data)[active].copy(), np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
+    rows, mass = jacobian(model, data)[active].copy(), full_mass(model, data)
     force = mass @ data.qacc_smooth
     aref, stiffness = data.efc_aref[active], data.efc_D[active]
     epsilon = np.finfo(kind).eps
