@@ -1,6 +1,7 @@
 """Questions for programs of engines, and the exact accelerations to compare their answers with."""
 
 import importlib.util
+import io
 import os
 import sys
 from pathlib import Path
@@ -47,6 +48,25 @@ def program(name: str) -> ModuleType:
     return module
 
 
+def compiled(model: mujoco.MjModel) -> Any:
+    """A model as programs read it."""
+    with np.load(io.BytesIO(arrays_of(model)), allow_pickle=False) as arrays:
+        return program("shared/compiled").Compiled({name: arrays[name] for name in arrays.files})
+
+
+def refused(folder: Path, name: str, model: mujoco.MjModel, states: States, **asked: Any) -> list[str]:
+    """What a program cannot express, without its engine."""
+    files = {"ask.json": ask("made up", model, asked.pop("question", "forward"), **asked)}
+    files |= {"model.npz": arrays_of(model), "states.parquet": states.table()}
+    answer = program("shared/exchange").Answer(name)
+    program(name).answered(program("shared/family").Ask(str(write(folder, files))), answer)
+    return [one["element"] for one in answer.missing]
+
+
+NEAR = 1e-3
+"""How near to a singular pose states are at least, of what is usual: nearer by, an answer has the fewer digits."""
+
+
 class Engine:
     """A program in its environment; the test is skipped where there is none."""
 
@@ -56,7 +76,7 @@ class Engine:
         found = environments.find(engine)
         if found is None:
             pytest.skip(f"no environment for {name}: name one in {INTERPRETERS}, or {environments.how_to(engine)}")
-        self.program, self._environment = engine.program, found
+        self.program, self.environment = engine.program, found
 
     def answer(self, folder: Path, model: mujoco.MjModel, states: States, question: str, **asked: Any) -> Answer:
         """The answer to one question about states of a model."""
@@ -64,7 +84,7 @@ class Engine:
         files = {"ask.json": document, "model.npz": arrays_of(model), "states.parquet": states.table()}
         steps, every = asked.get("steps", 1), asked.get("every", 1)
         count = steps // every if question == "run" else len(states)
-        written = running.run(self.program, self._environment, [write(folder, files)])
+        written = running.run(self.program, self.environment, [write(folder, files)])
         return read(written.files[0], model.nq, model.nv, count, written.status)
 
 
@@ -84,11 +104,14 @@ def exact_of(model: mujoco.MjModel, states: States) -> np.ndarray:
 
 
 def closed_states(name: str, count: int, seed: int = 0) -> tuple[mujoco.MjModel, States]:
-    """A model of the gallery, or a file, and states of it that are closed, with random controls."""
+    """A model of the gallery, or a file, and states of it that are closed, with random controls, none near a singular
+    pose.
+    """
     _, model, _ = start_of(name, None)
     drawn = oarlock.sample(name, count, seed)
+    far = drawn.singular > NEAR
     controls = np.random.default_rng(seed).normal(size=(count, model.nu))
-    return model, states_of(model, drawn.qpos, drawn.qvel, controls)
+    return model, states_of(model, drawn.qpos[far], drawn.qvel[far], controls[far])
 
 
 def driven_start(name: str, duration_s: float, timestep_s: float) -> tuple[Case, mujoco.MjModel, States]:

@@ -96,6 +96,15 @@ class Coordinates:
         return self.back(a - self.drift)
 
 
+def chains(compiled: Compiled) -> np.ndarray:
+    """Which degrees of freedom are on one chain, (nv, nv)."""
+    found = np.eye(int(compiled.nv), dtype=bool)
+    for dof, parent in enumerate(compiled.dof_parentid.tolist()):
+        if parent >= 0:
+            found[dof] |= found[parent]  # parents come first
+    return found | found.T
+
+
 class Mechanism:
     """The model as Pinocchio has it: a tree of joints, and where each of MuJoCo's bodies is in it.
 
@@ -116,6 +125,7 @@ class Mechanism:
             for body, (joint, place) in enumerate(zip(self.joints, self.places, strict=True))
         ]
         self.armature = np.array(compiled.dof_armature, dtype=float)
+        self._chains = chains(compiled)
         self._pulled = [int(at) for at in np.flatnonzero(compiled.get("tendon_armature"))]
         self.data = self.model.createData()
 
@@ -203,7 +213,8 @@ class Mechanism:
         for tendon in self._pulled:
             armature = float(self.compiled.tendon_armature[tendon])
             _, gradient, bend = stretched(self.compiled, tendon, qpos, qvel, motion)
-            inertia += armature * np.outer(gradient, gradient)
+            # MuJoCo's M has entries along chains only: what a tendon couples between branches is left out of it.
+            inertia += armature * np.outer(gradient, gradient) * self._chains
             bias += armature * bend * gradient
         return inertia, bias
 
