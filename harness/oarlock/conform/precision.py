@@ -3,7 +3,7 @@
 The rows of a state are a problem (M + Jᵀ R⁻¹ J) a = f + Jᵀ R⁻¹ aref. It is disturbed as its inputs are in that
 precision, and formed and solved in it: every entry of M and J by up to an ε of the largest of its row, f by one of its
 largest entry, and aref by what an ε of the mechanism's extent makes of K d r and B J v. Of some draws the largest
-change of a counts, times ``MARGIN``: an engine adds roundings of its own on the way to M and J.
+change of a counts, times ``MARGIN``, and at most ``CREDIBLE``: an engine adds roundings of its own on the way to M and J.
 """
 
 import mujoco
@@ -20,6 +20,9 @@ MARGIN = 10.0
 
 SETTLED = 1e-7
 """What iterative solvers leave in double precision: proximal ones stop at 1e-8 … 1e-11 of q̈ (measured)."""
+
+CREDIBLE = 0.2
+"""Relative. A precision that would explain more than this explains nothing: any other cause would hide in it."""
 
 _SEED = 0
 
@@ -40,7 +43,7 @@ def allowance(laws: Laws, solved: Solved, single: bool) -> np.ndarray:
         mujoco.mj_forward(laws.model, data)
         found[number] = _lost(laws.model, data, kind, rng)
     lost = MARGIN * found / np.maximum(scale(solved), np.finfo(float).tiny)
-    return lost if single else np.maximum(lost, SETTLED)
+    return np.minimum(lost if single else np.maximum(lost, SETTLED), CREDIBLE)
 
 
 def _lost(model: mujoco.MjModel, data: mujoco.MjData, kind: type, rng: np.random.Generator) -> float:
