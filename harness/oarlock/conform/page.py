@@ -82,7 +82,7 @@ def heat_map(document: dict[str, Any]) -> Figure:
     shade = alt.Scale(domain=[-16.0, 0.0], range=["#f7fbff", "#08519c"], clamp=True)
     legend = alt.Legend(title="log₁₀ of Δq̈ to the nearer", orient="bottom", gradientLength=240)
     squares = base.mark_rect(stroke="white").encode(color=alt.Color("value:Q", scale=shade, legend=legend))
-    dark = alt.condition("datum.value > -6", alt.value("white"), alt.value("#222"))
+    dark = alt.condition("datum.value !== null && datum.value > -6", alt.value("white"), alt.value("#222"))
     words = base.mark_text(fontSize=10).encode(text="cause:N", color=dark)
     chart = (squares + words).properties(width=max(96 * len(engines), 96), height=max(26 * len(models), 26))
     caption = (
