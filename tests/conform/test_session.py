@@ -169,3 +169,17 @@ def test_the_command_versions(model, tmp_path, monkeypatch, oarlock_here):
     refused = oarlock_here("versions", model, "--mujoco", "3.x")
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1
+
+
+def test_the_list_of_engines(oarlock_here):
+    done = oarlock_here("conform", "--list", "--json", "-")
+    rows = {row["engine"]: row for row in json.loads(done.stdout)}
+    assert set(rows) == set(programs())
+    assert rows["mujoco"]["there"] is True
+    assert "flex" in rows["mujoco"]["equalities"]
+    assert rows["drake"]["questions"] == []
+    shown = oarlock_here("conform", "--list")
+    assert all(name in shown.stdout for name in programs())
+    refused = oarlock_here("conform")
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
