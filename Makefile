@@ -1,4 +1,4 @@
-# make run · make test · make test-deep · make test-attack · make fuzz · make bench · make lint: each sets up what it needs, and again, fast, the second time.
+# make run · make test · make test-deep · make test-attack · make test-versions · make fuzz · make bench · make lint: each sets up what it needs, and again, fast, the second time.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,8 +8,8 @@ MODEL ?=
 # The name of a variant, NAME:key=value,…, as one for folders.
 comma := ,
 FOLDER = $(subst $(comma),-,$(subst :,-,$(MODEL)))
-RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs rust/*/src/*/*/*.rs rust/*/src/*.[ch])
-# Whose MuJoCo the native step loops are compiled against.
+RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rust/*/src/*/*.rs rust/*/src/*/*/*.rs rust/*/src/*.[ch] rust/*/layouts/*.h)
+# For which interpreter the extension is built, and whose MuJoCo unit tests in Rust load.
 export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
 SECONDS ?= 60
@@ -18,7 +18,7 @@ HOST = $(shell rustc --print host-tuple)
 FUZZ_FLAGS := --cfg fuzzing -C passes=sancov-module $(addprefix -C llvm-args=-sanitizer-coverage-, \
 	level=4 inline-8bit-counters pc-table trace-compares)
 
-.PHONY: run test test-deep test-attack fuzz bench lint format setup clean lock
+.PHONY: run test test-deep test-attack test-versions layouts fuzz bench lint format setup clean lock
 .DELETE_ON_ERROR:
 
 run: setup
@@ -42,6 +42,14 @@ test-deep: test
 # Tries to break it: signals at random moments, two commands in one folder. Prints what was tried and what stood.
 test-attack: setup
 	cd tests && ../$(BIN)/python -m attack
+
+# The core of what oarlock does with MuJoCo 3.3 to 4.0, each version in a folder of its own; a line a version.
+test-versions: setup
+	cd tests && ../$(BIN)/python -m versions
+
+# Where versions of MuJoCo keep what the native path reads; VERSIONS: those of the table, or "3.10.0 … 4.0.0".
+layouts:
+	$(BIN)/python rust/mujoco/layouts/make.py $(VERSIONS)
 
 # Looks for bytes that break a solver, for SECONDS; what it finds is left in build/fuzz, and goes on from there.
 fuzz:

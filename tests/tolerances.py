@@ -278,3 +278,7 @@ SAME_LAW = 1e-9
 
 HAND_SOLVED = 1e-4
 """Relative to the acceleration. Differences of J over 1 µs: rounding of 1e-16 over the step, 1e-10, and of the pose."""
+
+AT_REST = 1e-12
+"""Relative. The same equations in the same precision, compiled by others: rounding, magnified by D = 1/R (measured
+1e-13)."""

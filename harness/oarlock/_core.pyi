@@ -381,10 +381,12 @@ class Setup:
         solver: MultiplierSolver,
         projector: MultiplierSolver | None = None,
         beside: MultiplierSolver | None = None,
+        judged: bool = True,
     ) -> Run:
-        """A solver walks alone in a form; a projector may end its steps.
+        """A solver walks in a form; a projector may end its steps.
 
-        A solver may walk beside it with half the timestep, which tells its error.
+        A solver may walk beside it with half the timestep, which tells its error. Where it is judged, MuJoCo as
+        configured walks beside it, and another solver says the minimum-norm multipliers.
         """
     def profile(self, steps: int, solver: MultiplierSolver) -> dict[str, Any]:
         """Where the time of a free run on exact constraints goes.
@@ -444,7 +446,18 @@ def open_mujoco(path: str) -> None:
     """Resolves the native step loops from MuJoCo's library at ``path``, which 'import mujoco' must have loaded.
 
     Raises:
-        InputError: it is another version than the one that this was built against.
+        InputError: nothing is known of the layout of its version.
+    """
+
+def mujoco_versions() -> list[int]:
+    """The versions of MuJoCo whose layouts are known, as ``mj_version()`` has them, oldest first."""
+
+def mujoco_layout(version: int) -> tuple[list[tuple[str, str, str, int]], int, int] | None:
+    """The layout of a version of MuJoCo; None where it is not known.
+
+    Returns:
+        Struct, field, type in C and offset (bytes) of everything that the step loops read; the bytes of an mjContact;
+        and the numbers that an equality has in ``eq_data``.
     """
 
 def advance_all(runs: list[Run], steps: int) -> list[int]:

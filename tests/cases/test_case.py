@@ -144,6 +144,8 @@ def test_constants_do_not_depend_on_time(tmp_path):
         ("parameters.N = 2\nvariants = [{parameters = {N = 1.5}}]", "parameter N = 1.5, expected an integer"),
         ("parameters.N = 2\nvariants = [{parameters = {N = 2}}]", "variants.0.parameters are those of an earlier"),
         ("parameters.N = 2\nvariants = [{parameters = {N = 1}, expect = {nv = 'M'}}]", "unknown name 'M'"),
+        ("beyond = [{where = 'M', experiments = [{mode = 'free'}]}]", "unknown name 'M'"),
+        ("beyond = [{where = 't', experiments = [{mode = 'free'}]}]", "beyond.where = 't' depends on t"),
         ("truth = {file = 'a{M}', source = 'b', joint = 'c'}", "unknown parameter in 'a{M}' 'M'"),
         (
             PUBLISHED + "time_s = 11\njoint = 'a'\nposition = 1.0",
@@ -446,6 +448,26 @@ def test_variants_of_a_case(parametrised):
     assert [case.file.run.duration_s for case in (plain, three, small)] == [0.01, 0.004, 0.01]
     assert [case.expected() for case in (plain, three)] == [{"nv": 3, "dof": 1}, {"nv": 4, "dof": 2}]
     assert variant_names("boat") == ["boat"]
+
+
+def test_what_is_run_of_parameters_in_a_range(parametrised):
+    """Of what is listed, what is listed counts."""
+    with open(parametrised / "case.toml", "a") as file:
+        for bound, solver in ((2, "cholesky"), (5, "auto")):
+            file.write(f"[[beyond]]\nwhere = 'N - {bound}'\nrun.duration_s = 0.002\n")
+            file.write(f"[[beyond.experiments]]\nmode = 'free'\nsolvers = ['{solver}']\n")
+    found = {}
+    for count in (1, 3, 4, 5, 6):
+        file = load_case(f"{parametrised}:N={count}").file
+        found[count] = [(experiment.mode, *experiment.solvers) for experiment in file.experiments], file.run.duration_s
+    assert found == {
+        1: ([("calibration", "pinv")], 0.01),
+        3: ([("free", "pinv")], 0.004),
+        4: ([("free", "cholesky")], 0.002),
+        5: ([("free", "cholesky")], 0.002),
+        6: ([("free", "auto")], 0.002),
+    }
+    assert len(variant_names(parametrised)) == 3
 
 
 def test_gates_are_held_for_listed_parameters_only(parametrised):

@@ -116,7 +116,7 @@ def test_the_page_the_matrix_and_the_badge(compared, tmp_path):
         assert (
             f"| tiny | {row['engine'].replace('_', chr(92) + '_')} |" in text or f"| tiny | {row['engine']} |" in text
         )
-        assert row["verdict"] in text
+        assert any(line.startswith("| tiny |") and row["verdict"] in line for line in text.splitlines())
     kept = json.loads((target / "matrix.json").read_text())
     assert kept["rows"] == json.loads(json.dumps(document["rows"]))
     assert "date" not in kept["provenance"]
@@ -167,5 +167,19 @@ def test_the_command_versions(model, tmp_path, monkeypatch, oarlock_here):
     assert "largest |efc_pos|" in done.stdout
     assert "nothing changed for tiny in the first 2 s" in done.stdout
     refused = oarlock_here("versions", model, "--mujoco", "3.x")
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+
+
+def test_the_list_of_engines(oarlock_here):
+    done = oarlock_here("conform", "--list", "--json", "-")
+    rows = {row["engine"]: row for row in json.loads(done.stdout)}
+    assert set(rows) == set(programs())
+    assert rows["mujoco"]["there"] is True
+    assert "flex" in rows["mujoco"]["equalities"]
+    assert rows["drake"]["questions"] == []
+    shown = oarlock_here("conform", "--list")
+    assert all(name in shown.stdout for name in programs())
+    refused = oarlock_here("conform")
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1

@@ -6,6 +6,7 @@ import pytest
 from mechanisms import TANGLE, four_bar, relative
 from oarlock import InputError
 from oarlock.mechanics.curvature import Curvature
+from oarlock.mechanics.engine_version import lacks_curvature
 from oarlock.mechanics.names import equalities
 from oarlock.mechanics.rows import jacobian
 from tolerances import FINITE_DIFFERENCE, FINITE_DIFFERENCE_STEP, REFERENCE_CURVATURE
@@ -69,6 +70,21 @@ def test_curvature_is_the_derivative_of_the_jacobian(tangle, seed):
             assert found[rows] == 0 == expected[rows]
         else:
             assert relative(found[rows], expected[rows]) <= FINITE_DIFFERENCE, equality.name
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_curvature_of_our_own_is_mujocos(tangle, seed, monkeypatch):
+    """Of connects and welds too, as versions of MuJoCo need it that leave it out of their aref."""
+    data = tangled(tangle, seed)
+    monkeypatch.setattr("oarlock.mechanics.curvature.lacks_curvature", lambda kind: kind.known)
+    found, owners = curvature(tangle, data)
+    expected = difference(tangle, data)
+    joined = np.isin(owners, [equality.index for equality in equalities(tangle) if equality.kind.joins_points])
+    assert joined.sum() > 9
+    assert relative(found[joined], expected[joined]) <= FINITE_DIFFERENCE
+    if not any(lacks_curvature(equality.kind) for equality in equalities(tangle) if equality.kind.joins_points):
+        monkeypatch.undo()
+        assert relative(found[joined], curvature(tangle, data)[0][joined]) <= REFERENCE_CURVATURE
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 from mechanisms import four_bar, write_model
-from oarlock.cases.case_file import Drive
+from oarlock.cases.drive import Drive
 from oarlock.cases.motion import Motion
 from oarlock.diagnosis.loops.poses import nearest_closed
 from oarlock.scaffold.survey import survey

@@ -263,7 +263,7 @@ def test_an_error_of_mujoco_is_an_exception_on_every_thread():
 
 
 def test_another_version_of_mujoco_is_said_and_stepped_in_python(monkeypatch):
-    reason = "MuJoCo 4.0.1 is installed, the native stepping was built against 4.0.0"
+    reason = "MuJoCo 4.0.1 is installed, native stepping knows 3.17.0, 4.0.0"
     monkeypatch.setattr(native_path, "refusal", lambda: reason)
     asked = {"mode": "free", "form": "hard", "solver": "auto", "duration": 0.01}
     with pytest.warns(UserWarning, match="stepping in Python, which is slower: MuJoCo 4.0.1 is installed"):

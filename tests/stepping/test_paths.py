@@ -42,6 +42,21 @@ def test_a_model_without_a_case_walks_on_either():
     assert tables[0].equals(tables[1])
 
 
+def test_a_run_that_is_not_judged_is_the_same_run():
+    """What stands beside it has no part in it."""
+    kept = ("qpos", "multipliers", "error_estimate", "drift_pos", "projection_rounds", "rank")
+    walked = []
+    for kind in PATHS:
+        for judged in (True, False):
+            path = kind(bare(four_bar()), Baumgarte())
+            (steps,), _ = path.free(SolverSpec("auto"), "hard", TRACKED, judged=judged)
+            walked.append(steps.frame())
+            lacking = walked[-1].select("min_norm_error", "trajectory_diff").null_count().row(0)
+            assert lacking == ((0, 0) if judged else (20, 20))
+    assert all(frame.select(kept).equals(walked[0].select(kept)) for frame in walked[1:])
+    assert walked[1].drop("step_us", "solve_ns").equals(walked[3].drop("step_us", "solve_ns"))
+
+
 def test_the_native_path_says_why_it_cannot_be_taken(monkeypatch):
     monkeypatch.setattr(native_path, "refusal", lambda: "another MuJoCo")
     with pytest.raises(InputError, match="no native stepping: another MuJoCo"):

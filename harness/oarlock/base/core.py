@@ -20,6 +20,8 @@ from oarlock._core import (
     bench_sizes,
     bench_solvers,
     make_solver,
+    mujoco_layout,
+    mujoco_versions,
     open_mujoco,
     solvers,
 )
@@ -46,6 +48,8 @@ __all__ = [
     "bench_sizes",
     "bench_solvers",
     "make_solver",
+    "mujoco_layout",
+    "mujoco_versions",
     "open_mujoco",
     "solvers",
 ]

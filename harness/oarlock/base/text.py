@@ -93,3 +93,8 @@ def _escaped(character: str) -> str:
     if 0xD800 <= number < 0xE000:  # half a character, which TOML cannot hold
         return "\\uFFFD"
     return f"\\u{number:04X}" if number < 0x10000 else f"\\U{number:08X}"
+
+
+def version_numbers(version: str) -> tuple[int, ...]:
+    """The numbers of a version, "3.17.0" as (3, 17, 0)."""
+    return tuple(int(part) for part in re.findall(r"\d+", version)[:3])

@@ -19,7 +19,8 @@ COMPUTING = ("base", "cases", "tables", "mechanics", "stepping", "experiments")
 PRESENTING = ("base", "cases", "tables", "render", "report")
 """Rooms that the pages of results depend on."""
 
-TOLD = {"title", "summary", "source", "tags", "expect", "paper", "experiments", "gates", "endings", "variants", "sweep"}
+_DESCRIBED = {"title", "summary", "source", "tags", "expect", "paper"}
+TOLD = _DESCRIBED | {"experiments", "gates", "endings", "variants", "beyond", "sweep"}
 """Keys of a case file that no run depends on: they are read after the runs, or say which runs there are."""
 
 

@@ -16,6 +16,7 @@ from oarlock.bench.families import LEVEL, turned
 from oarlock.bench.growth import SOLVERS
 from oarlock.bench.oracle import Exact, exact
 from oarlock.bench.steps import Track
+from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.question import Answer, Question
@@ -117,8 +118,7 @@ class _Asked:
 
     def right(self, rank: int | None) -> Exact:
         """The exact answer at the state where it is."""
-        mass = np.zeros((self._model.nv, self._model.nv))
-        mujoco.mj_fullM(self._model, self._data, mass)
+        mass = full_mass(self._model, self._data)
         aref, _ = self._state.question("hard")
         return exact(mass, self._state.jacobian, self._state.unconstrained, aref, rank)
 

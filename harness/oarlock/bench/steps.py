@@ -18,6 +18,7 @@ from oarlock.base.errors import InputError
 from oarlock.cases.case import load_case
 from oarlock.cases.conditions import Conditions
 from oarlock.experiments.laboratory import Laboratory
+from oarlock.mechanics.engine_version import set_islands
 from oarlock.mechanics.load import quiet_engine
 from oarlock.stepping import native_path
 from oarlock.stepping.native_path import NativePath
@@ -50,7 +51,6 @@ SETTINGS = {
 """Setting of MuJoCo → its Jacobian, and whether it has islands and timers where that is not as usual."""
 
 _APART, _TOGETHER = ", one after another", ", on all cores"
-_ISLANDS_OFF = mujoco.mjtDisableBit.mjDSBL_ISLAND
 
 Contender = Callable[[], float]
 """Does what is to be timed once and gives the time of a step, s."""
@@ -120,7 +120,7 @@ class Track:
             setup.qpos, setup.qvel = self._start(setup.model)
         setup.model.opt.jacobian = jacobian
         if not islands:
-            setup.model.opt.disableflags |= _ISLANDS_OFF
+            set_islands(setup.model, False)
         return setup
 
     def _path(self, setup: PreparedCase) -> NativePath:

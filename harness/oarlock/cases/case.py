@@ -143,7 +143,7 @@ def refuse_code(path: Path) -> None:
 def _found(model: str | Path) -> Case:
     text, given = (str(model), {}) if os.path.exists(model) else split_options(str(model), "parameter")
     path = Path(text)
-    if path.suffix in (".xml", ".py"):
+    if path.suffix in (".xml", ".py", ".mjb"):
         if not path.is_file():
             raise InputError(f"no model file '{path}'")
         case_path = path.parent / "case.toml"

@@ -14,9 +14,11 @@ from oarlock.base.core import TimeLaw
 from oarlock.base.errors import InputError, choose, one_line
 from oarlock.base.files import read_bytes
 from oarlock.base.options import Number
+from oarlock.cases.drive import UNUSABLE, Drive, is_usable
 from oarlock.cases.integrators import IntegratorName
 from oarlock.cases.judging import DEFAULT_ENDINGS, Ending, Gate
-from oarlock.cases.table import STRICT, Finite
+from oarlock.cases.published import Paper, Published, Truth
+from oarlock.cases.table import STRICT, Finite, NonNegative, Positive
 
 FILE_BYTES = 2**22
 """Of a case file."""
@@ -33,11 +35,6 @@ Form = Literal["matched", "hard"]
 ModeName = Literal["calibration", "lockstep", "one-step", "free"]
 Stabilisation = Literal["baumgarte", "projection", "both"]
 
-MocapPart = Literal["x", "y", "z", "qw", "qx", "qy", "qz", "rx", "ry", "rz"]
-"""Of a pose: its position, m; a quaternion; or a rotation vector, rad."""
-
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]
 Count = Annotated[int, Field(ge=0, strict=True)]
 Parameters = dict[str, Finite | Annotated[int, Field(strict=True)]]
 Element = TypeVar("Element")
@@ -82,68 +79,6 @@ class Start(_Table):
     qvel: dict[str, Finite | list[Finite]] = {}
 
 
-class Drive(_Table):
-    """The controls of a case as laws of time.
-
-    Attributes:
-        constants: name → number, or expression of earlier constants.
-        ctrl: name of an actuator → expression of the time t (s) and the constants.
-        active: name of an equality → expression of t and the constants; it is active while that is positive, and
-            switched between steps.
-        mocap: name of a mocap body → parts of its pose, as of ``MocapPart``, each an expression of t and the
-            constants; it is moved before a step and held over it.
-        held: whether controls are set before a step and held over it, as a program does that calls ``mj_step``; else
-            they follow their laws at every stage of the integrator.
-    """
-
-    constants: dict[str, Finite | str] = {}
-    ctrl: dict[str, str] = {}
-    active: dict[str, str] = {}
-    mocap: dict[str, dict[MocapPart, str]] = {}
-    held: Annotated[bool, Field(strict=True)] = False
-
-    def values(self) -> dict[str, float]:
-        """Evaluates the constants.
-
-        Raises:
-            InputError: a name means something else in expressions, or an expression does not parse, depends on t, or
-                names something unknown.
-        """
-        known: dict[str, float] = {}
-        for name, value in self.constants.items():
-            if not _usable(name):
-                raise InputError(f"constant '{name}': {UNUSABLE}")
-            if isinstance(value, str):
-                law = TimeLaw(value, known)
-                if not law.is_constant:
-                    raise InputError(f"constant {name} = '{value}' depends on t, expected a constant")
-                value = law.at(0.0)
-            known[name] = value
-        return known
-
-    def laws(self) -> dict[str, TimeLaw]:
-        """Parses the laws, name → law as of ``sources``.
-
-        Raises:
-            InputError: a law does not parse or names something unknown.
-        """
-        constants = self.values()
-        return {name: TimeLaw(source, constants) for name, source in self.sources().items()}
-
-    def sources(self) -> dict[str, str]:
-        """Name of an actuator, of an equality after ``active:`` or of a part of a pose after ``mocap:`` → its law."""
-        return {
-            **self.ctrl,
-            **{f"active:{name}": law for name, law in self.active.items()},
-            **{f"mocap:{name}.{part}": law for name, parts in self.mocap.items() for part, law in parts.items()},
-        }
-
-    @model_validator(mode="after")
-    def _parse(self) -> "Drive":
-        self.laws()  # an InputError is a ValueError, which pydantic reports with the key
-        return self
-
-
 class Expect(_Table):
     """What the model must turn out to be at its start. The values are compared with the model before it runs.
 
@@ -177,21 +112,6 @@ class Expect(_Table):
         return found
 
 
-UNUSABLE = (
-    "not a name that an expression can use (t is the time; e, E, PI, π, TAU, τ and functions are taken), "
-    "expected another"
-)
-"""Of a constant or parameter: its value would be ignored."""
-
-
-def _usable(name: str) -> bool:
-    """Tells whether an expression sees a constant or parameter by this name, and not something of its own."""
-    try:
-        return name == name.strip() and all(TimeLaw(name, {name: value}).at(0.0) == value for value in (1.5, 2.5))
-    except InputError:
-        return False
-
-
 def _count(key: str, expression: str, parameters: dict[str, Number]) -> int:
     law = TimeLaw(expression, parameters)
     value = law.at(0.0)
@@ -221,86 +141,6 @@ class Settings(_Table):
     solver: Literal["newton", "cg", "pgs"] | None = None
     solref: tuple[Finite, Finite] | None = None
     solimp: tuple[Finite, Finite, Finite, Finite, Finite] | None = None
-
-
-class _Observed(_Table):
-    """Base of tables that are about the coordinate of one joint or the place of one site."""
-
-    joint: str | None = None
-    site: str | None = None
-
-    @model_validator(mode="after")
-    def _one(self) -> "_Observed":
-        named = [kind for kind, name in self if kind in ("joint", "site", "equality") and name is not None]
-        if len(named) != 1:
-            choice = "joint, site or equality" if hasattr(self, "equality") else "joint or site"
-            raise ValueError(f"names {' and '.join(named) or 'nothing'}, expected exactly one of {choice}")
-        return self
-
-
-class Truth(_Observed):
-    """Outside truth: a trajectory in a CSV file.
-
-    The columns are time, position, velocity and acceleration of a joint (rad or m), or time, x, y, z, vx, vy, vz, ax,
-    ay, az of a site (m, world frame).
-
-    Attributes:
-        file: name of the file. ``{N}`` in it stands for the value of the parameter N; without it, it holds for all.
-        source: where the trajectory comes from.
-    """
-
-    file: str
-    source: str
-
-
-class Published(_Observed):
-    """A value that others published, of a joint, a site or an equality at one time.
-
-    Attributes:
-        time_s: time, s.
-        equality: name of the equality, if the value is its multipliers.
-        position: coordinate of a joint (rad or m), or place of a site (m, world frame).
-        velocity: velocity of a joint, rad/s or m/s.
-        multipliers: multipliers of an equality, one per row, in MuJoCo's sign.
-        source: where the value was published.
-    """
-
-    time_s: NonNegative
-    equality: str | None = None
-    position: Finite | list[Finite] | None = None
-    velocity: Finite | None = None
-    multipliers: Annotated[list[Finite], Field(min_length=1)] | None = None
-    source: str
-
-    @model_validator(mode="after")
-    def _fitting(self) -> "Published":
-        given = {name for name in ("position", "velocity", "multipliers") if getattr(self, name) is not None}
-        if self.joint is not None:
-            what, fits = "position and/or velocity, a number each", not isinstance(self.position, list)
-            fits = fits and bool(given) and given <= {"position", "velocity"}
-        elif self.site is not None:
-            what, fits = "position = [x, y, z] and nothing else", given == {"position"}
-            fits = fits and isinstance(self.position, list) and len(self.position) == 3
-        else:
-            what, fits = "multipliers = [a number a row] and nothing else", given == {"multipliers"}
-        if not fits:
-            kind = "joint" if self.joint is not None else "site" if self.site is not None else "equality"
-            raise ValueError(f"gives {', '.join(sorted(given)) or 'nothing'}, expected of a {kind} {what}")
-        return self
-
-
-class Paper(_Table):
-    """What others published of the same mechanism, shown in the report.
-
-    Attributes:
-        source: who published it.
-        iterations_mean: iterations a solve.
-        claims: file of what they say of it, and of what came out; see ``oarlock.cases.claims``.
-    """
-
-    source: str
-    iterations_mean: Positive | None = None
-    claims: str | None = None
 
 
 class Experiment(_Table):
@@ -360,6 +200,33 @@ class Variant(_Table):
     gates: list[Gate] | None = None
 
 
+class Beyond(_Table):
+    """What is run of parameters that the case does not list, in a range of them; the last range that fits counts.
+
+    Bounds are set for what is listed alone.
+
+    Attributes:
+        where: expression of the parameters; they lie in the range where it is positive.
+        run: replaces the case's, key by key.
+        experiments: replace the case's.
+    """
+
+    where: str
+    run: RunDefaults = RunDefaults()
+    experiments: Annotated[list[Experiment], Field(min_length=1)]
+
+    def has(self, parameters: dict[str, Number]) -> bool:
+        """Tells whether complete parameters lie in the range.
+
+        Raises:
+            InputError: the expression does not parse, names something unknown, or depends on t.
+        """
+        law = TimeLaw(self.where, parameters)
+        if not law.is_constant:
+            raise InputError(f"beyond.where = '{self.where}' depends on t, expected an expression of the parameters")
+        return law.at(0.0) > 0
+
+
 class CaseFile(_Table):
     """The contents of ``case.toml``.
 
@@ -371,6 +238,7 @@ class CaseFile(_Table):
         endings: how runs may end other than ``done``.
         sweep: timesteps for work against precision, with the default parameters.
         variants: further sets of parameters.
+        beyond: what holds for parameters that are neither the defaults nor a variant's.
     """
 
     title: str
@@ -393,12 +261,15 @@ class CaseFile(_Table):
     endings: list[Ending] = DEFAULT_ENDINGS
     sweep: Sweep | None = None  # of the default parameters
     variants: list[Variant] = Field(default=[], max_length=LISTED)
+    beyond: list[Beyond] = Field(default=[], max_length=LISTED)
 
     @model_validator(mode="after")
     def _consistent(self) -> "CaseFile":
         for name in self.parameters:
-            if not (re.fullmatch(r"[A-Za-z]\w*", name) and _usable(name)):  # it is in names of folders, too
+            if not (re.fullmatch(r"[A-Za-z]\w*", name) and is_usable(name)):  # it is in names of folders, too
                 raise InputError(f"parameters.{name}: {UNUSABLE}")
+        for part in self.beyond:
+            part.has(self.parameters)
         listed = self.listed_parameters()
         for index, parameters in enumerate(listed):
             if parameters in listed[:index]:
@@ -440,16 +311,20 @@ class CaseFile(_Table):
         return complete
 
     def of(self, parameters: dict[str, Number]) -> "CaseFile":
-        """Returns the contents that hold for complete parameters, with what the variant that has them replaces."""
+        """Returns the contents that hold for complete parameters, with what the variant that has them replaces.
+
+        Parameters that are not listed take the replacements of the last range that they lie in.
+        """
         if parameters == self.parameters:
             return self
         changes: dict[str, Any] = {"published": []}
-        for variant in self.variants:
-            if self.complete(variant.parameters) == parameters:
-                changes["run"] = self.run.model_copy(update=variant.run.model_dump(exclude_unset=True))
-                changes["expect"] = self.expect.model_copy(update=variant.expect.model_dump(exclude_unset=True))
-                changes["published"] = variant.published
-                changes.update({k: v for k in ("experiments", "gates") if (v := getattr(variant, k)) is not None})
+        variants = [variant for variant in self.variants if self.complete(variant.parameters) == parameters]
+        for variant in variants:
+            changes["expect"] = self.expect.model_copy(update=variant.expect.model_dump(exclude_unset=True))
+            changes["published"] = variant.published
+        for part in variants or [part for part in self.beyond if part.has(parameters)]:
+            changes["run"] = self.run.model_copy(update=part.run.model_dump(exclude_unset=True))
+            changes.update({k: v for k in ("experiments", "gates") if (v := getattr(part, k, None)) is not None})
         return self.model_copy(update=changes)
 
     def setting(self, name: str) -> Settings:

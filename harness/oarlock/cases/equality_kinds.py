@@ -26,7 +26,7 @@ class EqualityKind:
             first to a polynomial of the second's; ``flex``: something of a flex.
         ends: attributes of its MJCF elements that say what is held.
         labels: of its rows, in MuJoCo's order; None where their number depends on the model.
-        mujoco_knows_curvature: whether MuJoCo's reference acceleration contains J̇v.
+        curvature_since: version from which on MuJoCo's reference acceleration contains J̇v; None: it never does.
         own_unit: unit of the rows' deviations; None: that of what is coupled.
         elements: MJCF elements, and members of mjtEq when written in capitals after ``mjEQ_``; by default the name.
     """
@@ -35,7 +35,7 @@ class EqualityKind:
     holds: Literal["points", "joints", "tendons", "flex"]
     ends: tuple[str, ...]
     labels: tuple[str, ...] | None
-    mujoco_knows_curvature: bool = False
+    curvature_since: tuple[int, ...] | None = None
     own_unit: str | None = None
     elements: tuple[str, ...] = ()
 
@@ -66,22 +66,21 @@ class EqualityKind:
         """Whether it holds an orientation too, in rows 3 to 6."""
         return any(label.startswith(TURN) for label in self.labels or ())
 
-    @property
-    def leaves_curvature_out(self) -> bool:
-        """Whether MuJoCo's reference acceleration lacks a J̇v that is known."""
-        return self.known and not self.mujoco_knows_curvature
+    def lacks_curvature(self, version: tuple[int, ...]) -> bool:
+        """Whether the reference acceleration of a version of MuJoCo, (3, 17, 0), lacks a J̇v that is known."""
+        return self.known and (self.curvature_since is None or version < self.curvature_since)
 
 
 _BODIES = ("body1", "body2", "site1", "site2")
 
 KINDS = (
-    EqualityKind("connect", "points", _BODIES, _AXES, mujoco_knows_curvature=True, own_unit="m"),
+    EqualityKind("connect", "points", _BODIES, _AXES, curvature_since=(3, 7), own_unit="m"),
     EqualityKind(
         "weld",
         "points",
         _BODIES,
         (*_AXES, *(f"{TURN}{axis}" for axis in _AXES)),
-        mujoco_knows_curvature=True,
+        curvature_since=(3, 7),
         own_unit="m or rad",
     ),
     EqualityKind("joint", "joints", ("joint1", "joint2"), ("",)),

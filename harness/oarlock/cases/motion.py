@@ -1,9 +1,9 @@
 """What may be asked of a motion: where it starts, and what drives it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from oarlock.base.arguments import require_number
 from oarlock.base.core import TimeLaw
@@ -13,6 +13,10 @@ Kind = Literal["keyframe", "constant", "random"]
 """Where controls come from, besides a log."""
 
 KINDS: list[Kind] = list(get_args(Kind))
+
+Control = Mapping[str, float | str] | Callable[[Any, Any], None]
+"""Actuator → its control, a number or a law of the time t in s; or a controller, called with model and data before
+every step of MuJoCo's run to write ``data.ctrl``."""
 
 LOGS = (".csv", ".npz")
 """Endings of the files that a log of controls may be in."""
@@ -28,16 +32,17 @@ class Motion:
     Attributes:
         keyframe: name or number of the keyframe to start from; ``none``: the model's own pose, at rest.
         controls: ``keyframe``, ``constant``, ``random``, or the path of a log, ``FILE.csv`` or ``FILE.npz``.
-        control: actuator → its control, a number or a law of the time t in s, in place of what ``controls`` says.
+        control: in place of what ``controls`` says, as of ``Control``.
         seed: of random controls.
 
     Raises:
-        InputError: no such kind of controls, a law that does not parse, or a seed that is no whole number ≥ 0.
+        InputError: no such kind of controls, a law that does not parse, a seed that is no whole number ≥ 0, or a
+            controller besides other controls.
     """
 
     keyframe: str | None = None
     controls: str | None = None
-    control: Mapping[str, float | str] = field(default_factory=dict)
+    control: Control = field(default_factory=dict)
     seed: int = 0
 
     def __post_init__(self):
@@ -49,6 +54,12 @@ class Motion:
         require_number("seed", self.seed)
         if not isinstance(self.seed, int):
             raise InputError(f"seed = {self.seed!r}, expected a whole number ≥ 0")
+        if callable(self.control):
+            if self.controls is not None:
+                raise InputError(f"controls = '{self.controls}' besides a controller, expected one of the two")
+            return
+        if not isinstance(self.control, Mapping):
+            raise InputError(f"control = {self.control!r}, expected actuator → control, or a controller")
         for law in self.control.values():
             if isinstance(law, str):
                 TimeLaw(law)
@@ -58,6 +69,16 @@ class Motion:
         """The log of controls, if they come from one."""
         path = Path(self.controls or "")
         return path if path.suffix.lower() in LOGS else None
+
+    @property
+    def controller(self) -> Callable[[Any, Any], None] | None:
+        """The controller, if there is one."""
+        return self.control if callable(self.control) else None
+
+    @property
+    def named(self) -> Mapping[str, float | str]:
+        """Actuator → its control; empty where a controller has them all."""
+        return {} if callable(self.control) else self.control
 
     @property
     def drives(self) -> bool:

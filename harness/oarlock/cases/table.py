@@ -8,3 +8,5 @@ STRICT = ConfigDict(extra="forbid", frozen=True, strict=False)
 """Of a table that knows all of its keys and does not change."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False, strict=True)]

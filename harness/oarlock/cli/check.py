@@ -24,6 +24,14 @@ def check(
     controls: ControlsOption = None,
     control: ControlOption = None,
     seed: SeedOption = 0,
+    states: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="A log of what a program really did, in place of MuJoCo's own run: FILE.npz with time, qpos, qvel, "
+            "ctrl and act before every step, or FILE.csv with qpos0, qpos1 …",
+        ),
+    ] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Of the run [default: 2 s].")] = None,
     timestep: Annotated[float | None, typer.Option(metavar="S", help="In place of the model's.")] = None,
     integrator: Annotated[str | None, typer.Option(metavar="NAME", help="In place of the model's.")] = None,
@@ -72,6 +80,7 @@ def check(
         controls=controls,
         control=given_controls(control),
         seed=seed,
+        states=states,
         duration=duration,
         timestep=timestep,
         integrator=integrator,

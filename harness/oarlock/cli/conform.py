@@ -35,7 +35,9 @@ SilenceOption = Annotated[
 
 @ends()
 def conform(
-    models: Annotated[list[str], typer.Argument(metavar="MODEL…", help="Models, variants or MJCF files.")],
+    models: Annotated[
+        list[str] | None, typer.Argument(metavar="MODEL…", help="Models, variants or MJCF files.")
+    ] = None,
     engine: Annotated[
         list[str] | None,
         typer.Option(
@@ -67,13 +69,22 @@ def conform(
     silence: SilenceOption = 900.0,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    list_engines: Annotated[
+        bool, typer.Option("--list", help="List the engines, what each can express, and whether it is there.")
+    ] = False,
 ) -> None:
     """Asks engines about the same closed states of models, one step and a free run, and tells why answers differ.
 
     Example: oarlock conform four_bar stewart --engine mujoco@3.6 --engine mjx --install
     """
+    from oarlock.base.errors import InputError
     from oarlock.conform.session import conform as carry_out
 
+    if list_engines:
+        _list_engines(as_json)
+        return
+    if not models:
+        raise InputError("no model, expected one or several, or --list for the engines")
     with bar(always=True) as progress:
         matrix = carry_out(
             models,
@@ -92,6 +103,29 @@ def conform(
     if as_json != "-":
         print_matrix(matrix)
     finish(matrix, as_json, report, badge)
+
+
+def _list_engines(as_json: str | None) -> None:
+    from rich.table import Table
+
+    from oarlock.engines import environments
+    from oarlock.engines.registry import expressions, parse_engine
+
+    rows = [{**row, "there": environments.find(parse_engine(row["engine"])) is not None} for row in expressions()]
+    if as_json:
+        emit_json(rows, as_json)
+    if as_json == "-":
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("engine", "title", "can be asked", "precision", "equalities", "there"):
+        table.add_column(title, no_wrap=True)
+    for row in rows:
+        asked = ", ".join(row["questions"]) or "what its reader keeps"
+        kinds = "–" if row["equalities"] is None else ", ".join(row["equalities"])
+        there = "yes" if row["there"] else "no"
+        cells = (row["engine"], row["title"], asked, ", ".join(row["precisions"]), kinds, there)
+        table.add_row(*map(shown, cells))
+    console().print(table)
 
 
 def finish(matrix: "Matrix", as_json: str | None, report: Path | None, badge: Path | None) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from oarlock.base.errors import InputError, few
 from oarlock.base.numbers import short
 from oarlock.base.text import quoted
-from oarlock.conform.laws import CONES, EXACT, MUJOCO, Law, Laws, apart
+from oarlock.conform.laws import CONES, EXACT, MUJOCO, Law, Laws, apart, scale
 from oarlock.conform.precision import allowance
 from oarlock.engines.answers import Answer
 
@@ -69,18 +69,18 @@ def tell(laws: Laws, answer: Answer) -> Cause:
 
 
 def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Cause:
-    first = np.arange(min(FIRST, len(laws.states)))
+    first, sizes = np.arange(min(FIRST, len(laws.states))), scale(laws.solve(MUJOCO))
     nearest: tuple[float, Law] | None = None
     for law in candidates(laws, answer):
         try:
-            part = apart(answer.qacc[first], laws.solve(law, first))
+            part = apart(answer.qacc[first], laws.solve(law, first), sizes[first])
         except InputError:
             continue
         if (part > allowed[first]).any():
             if nearest is None or part.max() < nearest[0]:
                 nearest = float(part.max()), law
             continue
-        left = apart(answer.qacc, laws.solve(law))
+        left = apart(answer.qacc, laws.solve(law), sizes)
         if not (left > allowed).any():
             return _explained(law, left, allowed, single)
         if nearest is None or left.max() < nearest[0]:

@@ -138,7 +138,7 @@ class Laws:
         numbers = range(len(self.states)) if chosen is None else chosen.tolist()
         model = self._changed(law)
         data = mujoco.MjData(model)
-        known = np.array([one.kind.mujoco_knows_curvature for one in self.equalities])
+        known = np.array([one.kind.curvature_since is not None for one in self.equalities])
         left_out = [one.index for one in self.equalities if one.name in law.without]
         state = _Asked(model, data, law, known)
         form: Form = "hard" if law.rigid else "matched"
@@ -195,23 +195,37 @@ def _joined(rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Solved:
     return Solved(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def apart(values: np.ndarray, solved: Solved) -> np.ndarray:
+STILL = 1e-3
+"""Of the largest scale of all states: one in which less accelerates, such as a mechanism that floats at rest, is
+measured by this, for what it has of its own is rounding."""
+
+
+def apart(values: np.ndarray, solved: Solved, sizes: np.ndarray | None = None) -> np.ndarray:
     """Relative difference (n) of accelerations (n, nv) from a solution.
 
-    Over the larger of ‖q̈‖ and of what the constraints change, ‖q̈ − q̈ without them‖: at an equilibrium the first is
-    nothing but rounding.
+    Args:
+        values: the accelerations.
+        solved: the solution.
+        sizes: what differences are measured by, (n); by default ``scale`` of the solution.
     """
-    return _norm(values - solved.qacc) / np.maximum(scale(solved), np.finfo(float).tiny)
+    return _norm(values - solved.qacc) / (scale(solved) if sizes is None else sizes)
 
 
 def scale(solved: Solved) -> np.ndarray:
-    """What differences of accelerations are measured by, (n)."""
-    return np.maximum(_norm(solved.qacc), _norm(solved.qacc - solved.smooth))
+    """What differences of accelerations are measured by, (n): the larger of ‖q̈‖ and of what the constraints change.
+
+    At an equilibrium the first is nothing but rounding; where neither is more, see ``STILL``.
+    """
+    return _clear(np.maximum(_norm(solved.qacc), _norm(solved.qacc - solved.smooth)))
 
 
 def forces_apart(values: np.ndarray, solved: Solved) -> np.ndarray:
     """Relative difference (n) of constraint forces (n, nv) from a solution."""
-    return _norm(values - solved.force) / np.maximum(_norm(solved.force), np.finfo(float).tiny)
+    return _norm(values - solved.force) / _clear(_norm(solved.force))
+
+
+def _clear(sizes: np.ndarray) -> np.ndarray:
+    return np.maximum(sizes, max(STILL * float(sizes.max(initial=0.0)), np.finfo(float).tiny))
 
 
 def _norm(values: np.ndarray) -> np.ndarray:

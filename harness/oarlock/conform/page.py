@@ -10,6 +10,7 @@ import polars as pl
 
 from oarlock.base.files import write_text
 from oarlock.base.text import json_visible
+from oarlock.conform.badge import badge
 from oarlock.conform.causes import FAILED
 from oarlock.conform.precision import MARGIN, SETTLED
 from oarlock.conform.states import RUN_S, SPEED
@@ -21,7 +22,7 @@ from oarlock.tables.folder import OCCASION, occasion_of
 
 TITLE = "Does the loop mean the same elsewhere?"
 
-CONTENTS = ("README.md", "figures", "index.html", "matrix.json")
+CONTENTS = ("README.md", "badge.svg", "figures", "index.html", "matrix.json")
 
 COLUMNS = {
     "qacc_mujoco": "Δq̈ to MuJoCo",
@@ -82,7 +83,7 @@ def heat_map(document: dict[str, Any]) -> Figure:
     shade = alt.Scale(domain=[-16.0, 0.0], range=["#f7fbff", "#08519c"], clamp=True)
     legend = alt.Legend(title="log₁₀ of Δq̈ to the nearer", orient="bottom", gradientLength=240)
     squares = base.mark_rect(stroke="white").encode(color=alt.Color("value:Q", scale=shade, legend=legend))
-    dark = alt.condition("datum.value > -6", alt.value("white"), alt.value("#222"))
+    dark = alt.condition("datum.value !== null && datum.value > -6", alt.value("white"), alt.value("#222"))
     words = base.mark_text(fontSize=10).encode(text="cause:N", color=dark)
     chart = (squares + words).properties(width=max(96 * len(engines), 96), height=max(26 * len(models), 26))
     caption = (
@@ -93,7 +94,7 @@ def heat_map(document: dict[str, Any]) -> Figure:
 
 
 def write_page(document: dict[str, Any], target: Path) -> Path:
-    """Writes README.md, figures/matrix.svg, matrix.json and index.html into a folder.
+    """Writes README.md, figures/matrix.svg, badge.svg, matrix.json and index.html into a folder.
 
     Args:
         document: of the matrix.
@@ -111,6 +112,7 @@ def write_page(document: dict[str, Any], target: Path) -> Path:
             write_text(new / "figures" / f"{figure.name}.svg", figure.svg())
         write_text(new / "README.md", text)
         write_text(new / "matrix.json", _tracked(document))
+        write_text(new / "badge.svg", badge(document))
         write_text(new / "index.html", page(TITLE, text, drawn, occasion_of(document["provenance"])))
 
     return write_whole(target, write)
@@ -120,7 +122,9 @@ def _tracked(document: dict[str, Any]) -> str:
     """The document as JSON, without what differs from one occasion to the next."""
     provenance = {name: value for name, value in document["provenance"].items() if name not in OCCASION}
     kept = {**document, "provenance": provenance}
-    return json_visible(json.dumps(kept, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
+    rows = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in kept.pop("rows")]
+    head = json.dumps(kept, indent=1, ensure_ascii=False, allow_nan=False).removesuffix("\n}")
+    return json_visible(head + ',\n "rows": [\n' + ",\n".join(rows) + "\n ]\n}") + "\n"
 
 
 def _text(document: dict[str, Any], drawn: list[Figure]) -> str:

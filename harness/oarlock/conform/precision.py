@@ -3,13 +3,15 @@
 The rows of a state are a problem (M + Jᵀ R⁻¹ J) a = f + Jᵀ R⁻¹ aref. It is disturbed as its inputs are in that
 precision, and formed and solved in it: every entry of M and J by up to an ε of the largest of its row, f by one of its
 largest entry, and aref by what an ε of the mechanism's extent makes of K d r and B J v. Of some draws the largest
-change of a counts, times ``MARGIN``: an engine adds roundings of its own on the way to M and J.
+change of a counts, times ``MARGIN``, for an engine adds roundings of its own on the way to M and J; at most
+``CREDIBLE``.
 """
 
 import mujoco
 import numpy as np
 
 from oarlock.conform.laws import Laws, Solved, scale
+from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.rows import jacobian
 
 DRAWS = 6
@@ -17,8 +19,12 @@ DRAWS = 6
 MARGIN = 10.0
 """Roundings of an engine on the way to M and J, and of its own iteration, over one of each input."""
 
-SETTLED = 1e-7
-"""What iterative solvers leave in double precision: proximal ones stop at 1e-8 … 1e-11 of q̈ (measured)."""
+SETTLED = 1e-6
+"""What iterations leave in double precision, of q̈: proximal solvers stop at 1e-8 … 1e-11, Newton's method of an
+integrator in maximal coordinates at 4e-7 (measured)."""
+
+CREDIBLE = 0.2
+"""Relative. A precision that would explain more than this explains nothing: any other cause would hide in it."""
 
 _SEED = 0
 
@@ -38,16 +44,15 @@ def allowance(laws: Laws, solved: Solved, single: bool) -> np.ndarray:
         laws.place(data, number)
         mujoco.mj_forward(laws.model, data)
         found[number] = _lost(laws.model, data, kind, rng)
-    lost = MARGIN * found / np.maximum(scale(solved), np.finfo(float).tiny)
-    return lost if single else np.maximum(lost, SETTLED)
+    lost = MARGIN * found / scale(solved)
+    return np.minimum(lost if single else np.maximum(lost, SETTLED), CREDIBLE)
 
 
 def _lost(model: mujoco.MjModel, data: mujoco.MjData, kind: type, rng: np.random.Generator) -> float:
     """Largest change ‖δa‖ of a state over the draws."""
     active = np.flatnonzero(data.efc_force[: data.nefc] != 0.0)
     active = np.union1d(np.arange(data.ne), active).astype(int)
-    rows, mass = jacobian(model, data)[active].copy(), np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, mass)
+    rows, mass = jacobian(model, data)[active].copy(), full_mass(model, data)
     force = mass @ data.qacc_smooth
     aref, stiffness = data.efc_aref[active], data.efc_D[active]
     epsilon = np.finfo(kind).eps

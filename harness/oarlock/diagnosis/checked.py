@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from oarlock.diagnosis.examination import Examination
     from oarlock.diagnosis.fix.fix import Fix
     from oarlock.diagnosis.verdict.findings import Finding
+    from oarlock.mechanics.given import Model
 
 
 class Checked(Answer):
@@ -124,7 +125,7 @@ class Checked(Answer):
         )
 
 
-def begun(file: str | Path, options: CheckOptions) -> "Examination":
+def begun(model: "Model", options: CheckOptions) -> "Examination":
     """An examination of which only the model is loaded.
 
     Raises:
@@ -132,7 +133,9 @@ def begun(file: str | Path, options: CheckOptions) -> "Examination":
     """
     require_threads()
     from oarlock.diagnosis.examination import begin
+    from oarlock.mechanics.given import path_of
 
+    file = path_of(model)
     with one_thread(), mujoco_ends_in_a_line(file):
         return begin(str(file), options)
 
@@ -155,14 +158,14 @@ def judged(examination: "Examination") -> Checked:
 
 @takes(CheckOptions)
 def check(
-    file: str | Path, options: CheckOptions | None = None, *, progress: Progress | None = None, **keywords: Any
+    model: "Model", options: CheckOptions | None = None, *, progress: Progress | None = None, **keywords: Any
 ) -> Checked:
     """Finds out why the loops of a model come apart, and what would hold them.
 
     With ``lint=True`` only what can be seen without a run: findings alone, in milliseconds.
 
     Args:
-        file: MJCF file, or name of a model that comes along.
+        model: path of an MJCF file, name of a model that comes along, MJCF as text, an ``MjModel`` or an ``MjSpec``.
         options: what is asked for.
         progress: listens: ``finished`` gets the name of every part of the examination that is there.
         keywords: the fields of ``CheckOptions``, one by one, as of ``oarlock check``: ``duration=1.0, budget=0``.
@@ -175,7 +178,7 @@ def check(
     progress = progress or Progress()
     options = complete(CheckOptions, options, keywords)
     progress.begin("checking", 0 if options.lint else len(PARTS))
-    examination = begun(file, options)
+    examination = begun(model, options)
     for part in parts(examination):
         progress.advance(1)
         progress.finished(part)

@@ -40,11 +40,13 @@ from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
 from oarlock.diagnosis.runs.trials import Made, Start
 from oarlock.diagnosis.runs.without import Without, find_fed, find_finer, find_without, starving
 from oarlock.mechanics import controls
+from oarlock.mechanics.controller import commanded
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.inequalities import ignore_inequalities
 from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import load_mechanism, set_integrator
+from oarlock.mechanics.state_log import StateLog
 from oarlock.stepping.beginning import Beginning, beginning_of_case, beginning_of_file
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.start import carried, consistent_start
@@ -110,6 +112,7 @@ class Examination:
         overdriven: servos that pull a loop apart which has not so much freedom.
         fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
+        states: the log of states that takes the place of MuJoCo's own run.
         missing: part → why it is not there.
         made: trials, for those that look for more.
     """
@@ -153,6 +156,7 @@ class Examination:
     fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
+    states: StateLog | None = None
     missing: dict[str, str] = field(default_factory=dict)
     made: Made = field(default_factory=Made)
 
@@ -197,6 +201,15 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
     found.steps = _steps(model, options, found.own_s)
     if options.ignore_inequalities:
         found.ignored = ignore_inequalities(found.model)
+    if options.states is not None:
+        log = found.states = StateLog(Path(options.states), model)
+        found.qpos, found.qvel, found.act = log.qpos[0].copy(), log.qvel[0].copy(), log.act[0].copy()
+        found.begins, found.laws = f"the {log}", log.laws
+        found.driven = "the controls of the log" if log.laws else "no controls"
+        found.steps = min(found.steps, len(log)) if options.duration else len(log)
+    elif options.motion.controller is not None:
+        start = (found.qpos, found.qvel, found.act)
+        found.laws, found.driven = commanded(model, start, options.motion.controller, found.steps)
     return found
 
 
@@ -320,7 +333,8 @@ def _data(found: Examination) -> mujoco.MjData:
 def _run(found: Examination) -> None:
     assert found.pose is not None
     with _Reason(found, "run"):
-        found.recording = record(found.model, found.qpos, found.qvel, found.laws, found.steps, act=found.act)
+        own, given = (found.model, found.qpos, found.qvel, found.laws, found.steps), found.states
+        found.recording = record(*own, act=found.act, states=given)
     if found.closed:
         with _Reason(found, "exact"):
             model, pose = _exact_model(found), found.pose
@@ -374,6 +388,9 @@ def _causes(found: Examination) -> None:
         return
     if found.moved:
         found.missing["causes"] = LAGS
+        return
+    if astray := found.recording.astray:
+        found.missing["causes"] = astray
         return
     if found.recording.end.how == "diverged":
         found.without = find_fed(found.recording, found.steps)

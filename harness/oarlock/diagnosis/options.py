@@ -1,13 +1,14 @@
 """What a user may ask of a check."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from oarlock.base.arguments import require_number
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.integrators import RUNNING
-from oarlock.cases.motion import Motion
+from oarlock.cases.motion import Control, Motion
 
 TARGET = 1e-4
 """Wanted drift unless it is asked for, of the size of the loops: a tenth of a millimetre of a robot of a metre, which
@@ -30,8 +31,11 @@ class CheckOptions:
             one, or the model's own pose where there is none.
         controls: ``keyframe``, ``constant``, ``random``, or a log ``FILE.csv`` or ``FILE.npz``; left out: those of the
             keyframe where the run starts from one, else random.
-        control: actuator → control, a number or a law of the time t in s.
+        control: actuator → control, a number or a law of the time t in s; or a controller, called with model and data
+            before every step of MuJoCo's own run to write ``data.ctrl``: everybody is given what it commands there.
         seed: of random controls.
+        states: log of states ``FILE.csv`` or ``FILE.npz``, as of ``mechanics.state_log``, in place of MuJoCo's own
+            run: what a program really did. It has the start and the controls.
         duration: of the run, s.
         timestep: in place of the model's, s.
         integrator: ``euler``, ``implicit``, ``implicitfast`` or ``rk4``, in place of the model's.
@@ -50,8 +54,9 @@ class CheckOptions:
 
     keyframe: str | None = None
     controls: str | None = None
-    control: Mapping[str, float | str] = field(default_factory=dict)
+    control: Control = field(default_factory=dict)
     seed: int = 0
+    states: str | Path | None = None
     duration: float | None = None
     timestep: float | None = None
     integrator: str | None = None
@@ -71,7 +76,8 @@ class CheckOptions:
             choose("integrator", self.integrator, RUNNING)
         if isinstance(self.hold, str):
             raise InputError(f"hold = {self.hold!r}, expected a list of joints")
-        _ = self.motion
+        if self.states is not None and self.motion.given:
+            raise InputError("a start or controls besides a log of states, expected one of the two: the log has both")
 
     @property
     def motion(self) -> Motion:

@@ -13,6 +13,7 @@ from oarlock.diagnosis.loops.directions import Directions
 from oarlock.diagnosis.loops.uniqueness import find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Series, wrenches
 from oarlock.diagnosis.runs.beside import find_beside
+from oarlock.mechanics.engine_version import SLEEP
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.poses.assembly import Assembly
 from oarlock.stepping.question import Question
@@ -97,7 +98,7 @@ def reactions(
         raise InputError(f"the state is not finite: qpos {data.qpos}, qvel {data.qvel}")
     model, data = copy.copy(model), copy.copy(data)
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # a tree that sleeps has no rows
+    model.opt.enableflags &= ~SLEEP  # a tree that sleeps has no rows
     if ignore_inequalities:
         model.opt.disableflags |= IGNORED
     assembly = Assembly(model, data)

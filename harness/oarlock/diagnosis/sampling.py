@@ -18,7 +18,7 @@ from oarlock.base.files import replacing
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 
 if TYPE_CHECKING:
-    import mujoco
+    from oarlock.mechanics.given import Model
 
 BINS = 32
 """Parts of what a coordinate reaches, by which it is said how evenly samples fill it."""
@@ -188,7 +188,7 @@ def unrolled(angles: np.ndarray) -> np.ndarray:
 
 
 def sample(
-    model: "mujoco.MjModel | str | Path",
+    model: "Model",
     n: int = 1000,
     seed: int = 0,
     *,
@@ -206,8 +206,9 @@ def sample(
     normal w, as of a mechanism in equilibrium: every degree of freedom has the same mean kinetic energy.
 
     Args:
-        model: a model, an MJCF file, or the name of a model that comes along. The start is that of the case, of its
-            first keyframe where it has one, or its own pose; an open one is closed in the nearest pose.
+        model: an ``MjModel``, an ``MjSpec``, MJCF as text or a file, or the name of a model that comes along. The
+            start is that of the case, of its first keyframe where it has one, or its own pose; an open one is closed in
+            the nearest pose.
         n: how many.
         seed: of all random numbers.
         speed: root mean square of the velocities at the start, rad/s, lengths over the mechanism's arm; it sets the

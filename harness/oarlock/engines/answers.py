@@ -106,11 +106,11 @@ def _document(files: dict[str, bytes]) -> dict[str, Any]:
     try:
         document = json.loads(files["answer.json"])
         known = document["format"] == FORMAT and isinstance(document["versions"], dict)
-        document["engine"], document["precision"]
+        known = known and {"engine", "precision"} <= set(document)
     except (ValueError, KeyError, TypeError) as error:
         raise EngineError(f"answer.json is not as expected: {type(error).__name__} {one_line(error)[:80]}") from None
     if not known:
-        raise EngineError(f"answer.json has format {document['format']!r}, expected {FORMAT}")
+        raise EngineError(f"answer.json is not of format {FORMAT}, expected engine, versions and precision")
     return document
 
 

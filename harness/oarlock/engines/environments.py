@@ -20,6 +20,9 @@ from oarlock.base.hashing import of_document
 from oarlock.base.scratch import scratch
 from oarlock.engines.registry import Engine, split_requirement
 
+_ANSWER_S = 60.0
+"""Time that an interpreter has to say what it is, s."""
+
 _TAIL = 300
 """Characters of what an installer said that are shown."""
 
@@ -77,18 +80,25 @@ def find(engine: Engine) -> Environment | None:
 
 def _given(engine: Engine) -> Environment:
     path = shutil.which(engine.python) or engine.python
-    asked = [path, "-c", "import sys; print(sys.version_info[:3])"]
+    asked, why = [path, "-c", "import sys; print(sys.version_info[:3])"], ""
     try:
-        said = subprocess.run(asked, capture_output=True, text=True, timeout=60, check=True).stdout.strip()
+        done = subprocess.run(asked, capture_output=True, text=True, timeout=_ANSWER_S, check=False)
+        if done.returncode or not done.stdout:
+            why = f"it ends with status {done.returncode}"
         # What is installed changes the folders of packages.
-        stamps = [
-            item.stat().st_mtime_ns for item in sorted(Path(path).parent.parent.glob("lib*/python*/site-packages"))
-        ]
-    except (OSError, ValueError, subprocess.SubprocessError) as error:
-        raise InputError(
-            f"engine '{engine.asked}': '{engine.python}' is no Python that runs ({one_line(error)[:80]})"
-        ) from None
-    return Environment(path, (), of_document([path, said, stamps]))
+        folders = sorted(Path(path).parent.parent.glob("lib*/python*/site-packages"))
+        stamps = [folder.stat().st_mtime_ns for folder in folders]
+    except (OSError, ValueError) as error:
+        raise _no_python(engine, one_line(error)[:80]) from None
+    except subprocess.TimeoutExpired:
+        raise _no_python(engine, f"it does not answer in {_ANSWER_S:g} s") from None
+    if why:
+        raise _no_python(engine, why)
+    return Environment(path, (), of_document([path, done.stdout.strip(), stamps]))
+
+
+def _no_python(engine: Engine, why: str) -> InputError:
+    return InputError(f"engine '{engine.asked}': '{engine.python}' is no Python that runs ({why})")
 
 
 def _package(requirement: str) -> str:

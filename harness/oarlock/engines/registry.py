@@ -113,6 +113,25 @@ def programs() -> dict[str, Program]:
     return {path.stem: read_program(path) for path in found}
 
 
+def expressions() -> list[dict[str, Any]]:
+    """Returns what each of them can express, a row a program.
+
+    A row has ``engine``, ``title``, ``questions``, ``precisions``, ``package``, and kinds of ``equalities``, None where
+    the program does not say.
+    """
+    return [
+        {
+            "engine": name,
+            "title": one.title,
+            "questions": list(one.questions),
+            "precisions": list(one.precisions),
+            "equalities": None if one.equalities is None else list(one.equalities),
+            "package": one.package,
+        }
+        for name, one in programs().items()
+    ]
+
+
 @dataclass(frozen=True)
 class Engine:
     """An engine as it is asked for.

@@ -1,6 +1,6 @@
 """What a user may ask of a run."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -9,7 +9,7 @@ from oarlock.base.errors import InputError, choose
 from oarlock.cases.case_file import Form, Stabilisation
 from oarlock.cases.conditions import Conditions
 from oarlock.cases.integrators import RUNNING
-from oarlock.cases.motion import Motion
+from oarlock.cases.motion import Control, Motion
 from oarlock.experiments.modes import ASKABLE
 from oarlock.stepping.solvers import SolverSpec
 
@@ -36,7 +36,8 @@ class RunOptions:
             pose; left out: the first keyframe, or the model's own pose where there is none.
         controls: ``keyframe``, ``constant``, ``random``, or a log ``FILE.csv`` or ``FILE.npz``, in place of the case's
             drive; left out, of a file without a case: the keyframe's where the run starts from one, else random.
-        control: actuator → control, a number or a law of the time t in s.
+        control: actuator → control, a number or a law of the time t in s; or a controller, called with model and data
+            before every step of MuJoCo's own run to write ``data.ctrl``: everybody is given what it commands there.
         seed: of random controls.
         timestep: timestep, s.
         duration: duration, s.
@@ -59,7 +60,7 @@ class RunOptions:
     stabilisation: str | None = None
     keyframe: str | None = None
     controls: str | None = None
-    control: Mapping[str, float | str] = field(default_factory=dict)
+    control: Control = field(default_factory=dict)
     seed: int = 0
     timestep: float | None = None
     duration: float | None = None

@@ -25,6 +25,8 @@ from oarlock.experiments.plan import plan
 from oarlock.experiments.sketch import sketch, traced
 from oarlock.experiments.task import Task
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
+from oarlock.mechanics.given import Model, path_of
+from oarlock.stepping.native_path import refusal
 from oarlock.stepping.prepared import PreparedCase
 from oarlock.tables.aggregate import judge, summarise
 from oarlock.tables.folder import SUMMARY, ResultFolder, scan_parquet
@@ -37,7 +39,7 @@ STILL = 1e-9
 
 @takes(RunOptions)
 def run(
-    model: str | Path,
+    model: Model,
     options: RunOptions | None = None,
     *,
     out: str | Path | None = None,
@@ -48,7 +50,8 @@ def run(
     """Cross-validates a model against MuJoCo.
 
     Args:
-        model: name of a model, folder of a case, or path of an MJCF file; ``:key=value,…`` for other parameters.
+        model: name of a model, folder of a case, or path of an MJCF file; ``:key=value,…`` for other parameters. Or
+            MJCF as text, an ``MjModel`` or an ``MjSpec``.
         options: what is asked for in place of what the case of the model says.
         out: folder that keeps the tables; every run is written as soon as it is finished. It may hold the same runs of
             the same timestep and duration, which are written anew; others are not touched.
@@ -61,7 +64,7 @@ def run(
     """
     require_threads()
     options = complete(RunOptions, options, keywords)
-    return _run(model, options, None if out is None else Path(out), replace, progress or Progress())
+    return _run(path_of(model), options, None if out is None else Path(out), replace, progress or Progress())
 
 
 def run_beside(model: str | Path, options: RunOptions, out: Path, progress: Progress) -> Results:
@@ -120,7 +123,8 @@ def _carried_out(
 
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
     told = {} if setup.told is None else {"motion": setup.told}
-    provenance = {**inputs(case), **ignored, **told, **occasion()}
+    refused = {"native_stepping": refusal()} if refusal() and options.stepping != "python" else {}
+    provenance = {**inputs(case), **refused, **ignored, **told, **occasion()}
     results = Results(case, provenance=provenance, model=describe(setup), truth=setup.truth, folder=folder)
     results.motion = setup.told or str(setup.begins)
     results.verdicts += expectations(case, results.model)

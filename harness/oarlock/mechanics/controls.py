@@ -8,7 +8,7 @@ import numpy as np
 
 from oarlock.base.core import TimeLaw
 from oarlock.base.errors import InputError, choose
-from oarlock.cases import case_file
+from oarlock.cases.drive import Drive as CaseDrive
 from oarlock.cases.motion import KINDS, NO_KEYFRAME, Kind
 from oarlock.mechanics.drive import ACTIVE, Drive
 from oarlock.mechanics.mocap import MOCAP, mocap_parts, require_part
@@ -105,7 +105,7 @@ def laws(
     return Laws({name: law for name, law in given.items() if name not in zero}, held=True)
 
 
-def written_out(given: case_file.Drive, what: str = "actuator") -> Laws:
+def written_out(given: CaseDrive, what: str = "actuator") -> Laws:
     """The laws of a case's drive with the constants written out; ``what`` as of ``Laws``."""
     values = given.values()
 

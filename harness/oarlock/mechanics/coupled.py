@@ -5,6 +5,7 @@ from typing import Protocol
 import mujoco
 
 from oarlock.cases.equality_kinds import EqualityKind
+from oarlock.mechanics.engine_version import tendon_dofs
 
 _JOINT, _TENDON = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_TENDON
 _SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -64,11 +65,7 @@ class _Tendons:
         return "N"
 
     def dofs(self, model: mujoco.MjModel, indices: list[int]) -> list[int]:
-        return sorted({dof for tendon in indices for dof in self._dofs(model, tendon)})
-
-    def _dofs(self, model: mujoco.MjModel, tendon: int) -> list[int]:
-        start = int(model.ten_J_rowadr[tendon])
-        return model.ten_J_colind[start : start + int(model.ten_J_rownnz[tendon])].tolist()
+        return sorted({dof for tendon in indices for dof in tendon_dofs(model, tendon)})
 
     def position(self, model: mujoco.MjModel, data: mujoco.MjData, index: int) -> float:
         return float(data.ten_length[index] - model.tendon_length0[index])

@@ -2,8 +2,8 @@
 
 The exact time derivative of MuJoCo's own rows of J, times v:
 
-- connect and weld: MuJoCo has it, because it asks them for aref = −B Jv − K d r − J̇v (since 3.7). Recovering J̇v from
-  aref costs the rounding of the other two terms.
+- connect and weld: MuJoCo has it, because it asks them for aref = −B Jv − K d r − J̇v. Recovering J̇v from aref costs
+  the rounding of the other two terms. Before 3.7 it left it out here too, and it is computed from the bodies' motion.
 - joint and tendon: y − p(x) with a quartic p, y and x measured from the model's own pose; J̇v = ÿ − p'(x) ẍ − p''(x) ẋ²,
   where ÿ and ẍ are 0 for joints and fixed tendons. MuJoCo leaves it out of their aref.
 """
@@ -17,6 +17,8 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.base.vectors import horner
 from oarlock.cases.equality_kinds import unknown
+from oarlock.mechanics.engine_version import lacks_curvature
+from oarlock.mechanics.joined import Joined
 from oarlock.mechanics.kinematics import Kinematics
 from oarlock.mechanics.names import Equality, equalities
 from oarlock.mechanics.tendons import Tendon
@@ -100,16 +102,20 @@ class Curvature:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, *, lenient: bool = False):
         self._couplings: dict[int, _Coupling] = {}
+        self._joined: dict[int, Joined] = {}
         self._unknown: dict[int, Equality] = {}
         for equality in equalities(model):
             index = equality.index
-            if equality.kind.leaves_curvature_out:
+            if lacks_curvature(equality.kind) and equality.kind.joins_points:
+                self._joined[index] = Joined(model, equality)
+            elif lacks_curvature(equality.kind):
                 self._couplings[index] = _COUPLINGS[equality.kind.holds](model, index)
             elif not equality.kind.known and not lenient:
                 self._unknown[index] = equality
                 if data.eq_active[index]:
                     self._refuse(index)
-        bodies = [body for coupling in self._couplings.values() for body in coupling.bodies]
+        owners = (*self._couplings.values(), *self._joined.values())
+        bodies = [body for owner in owners for body in owner.bodies]
         self._kinematics = Kinematics(model, bodies)
 
     def _refuse(self, index: int) -> NoReturn:
@@ -129,11 +135,17 @@ class Curvature:
         stiffness, damping, impedance = law[:ne, 0], law[:ne, 1], law[:ne, 2]
         asked = damping * data.efc_vel[:ne] + stiffness * impedance * data.efc_pos[:ne] + data.efc_aref[:ne]
         np.negative(asked, out)
-        if not self._couplings and not self._unknown:
+        if not self._couplings and not self._joined and not self._unknown:
             return
         self._kinematics.read(data)
+        last = -1
         for row, owner in enumerate(data.efc_id[:ne].tolist()):
-            if owner in self._couplings:
+            if owner in self._joined:
+                if owner != last:  # all rows of one come one after another
+                    bends = self._joined[owner].bends(data, self._kinematics)
+                    out[row : row + len(bends)] = bends
+                last = owner
+            elif owner in self._couplings:
                 out[row] = self._couplings[owner].bend(data, self._kinematics)
             elif owner in self._unknown:
                 self._refuse(owner)

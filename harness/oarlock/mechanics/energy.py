@@ -2,6 +2,8 @@
 
 import mujoco
 
+from oarlock.mechanics.engine_version import dampings, springs_yield
+
 
 class Energy:
     """Computes the mechanical energy of a model that nothing drives or damps.
@@ -20,10 +22,8 @@ class Energy:
         self._model = model
         rubs = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
         friction = (model.dof_frictionloss, model.tendon_frictionloss) if rubs else ()
-        damping = (model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly)
-        damped = any(loss.any() for loss in (*damping, *friction))
-        yields = model.jnt_springyield.any() or model.tendon_springyield.any()
-        uncounted = model.ngravcomp > 0 or model.nplugin > 0 or yields
+        damped = any(loss.any() for loss in (*dampings(model), *friction))
+        uncounted = model.ngravcomp > 0 or model.nplugin > 0 or springs_yield(model)
         driven = moved or model.nu > 0 or model.opt.density != 0 or model.opt.viscosity != 0
         self._pushed = False
         self.conserved = not (driven or damped or uncounted)

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.core import ConstrainedSystem
+from oarlock.mechanics.engine_version import mass_tree
 from oarlock.mechanics.rows import compressed
 
 
@@ -63,7 +64,7 @@ class Inertia:
         if model.nv <= SMALL and not mujoco.mj_isSparse(model):
             self.system.assemble_factored(whiten(model, data, jacobian), jacobian, unconstrained, aref, softness)
         else:
-            tree = (model.M_rownnz, model.M_rowadr, model.M_colind, data.M, data.qLD, data.qLDiagInv)
+            tree = mass_tree(model, data)
             rows = compressed(data, len(aref)) if mujoco.mj_isSparse(model) else jacobian
             self.system.assemble_sparse(rows, tree, unconstrained, aref, softness)
         self._unconstrained[:] = unconstrained

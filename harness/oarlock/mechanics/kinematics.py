@@ -63,6 +63,10 @@ class Kinematics:
         """Returns the angular velocity of a body in world axes, rad/s."""
         return _halves(self._velocities[body])[0]
 
+    def turn_bend(self, body: int) -> Vector:
+        """Returns J̇v of a body's rotation in world axes, rad/s²."""
+        return _halves(self._biases[body])[0]
+
     def velocity(self, body: int, place: Vector) -> Vector:
         """Computes the velocity of the body's point at a place, m/s, world axes."""
         turning, moving = _halves(self._velocities[body])

@@ -183,7 +183,7 @@ def require_moderate_model(path: Path, model: mujoco.MjModel) -> None:
     for name in ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations", "sdf_iterations"):
         if (value := getattr(model.opt, name, 0)) > ITERATIONS:
             raise InputError(f"{path}: option {name} = {value}, expected {ITERATIONS} at most")
-    if model.neq > EQUALITIES and path.suffix != ".py":
+    if model.neq > EQUALITIES and path.suffix == ".xml":
         raise InputError(
             f"{path}: {model.neq} equalities, expected {EQUALITIES} at most, or a model.py that builds them"
         )

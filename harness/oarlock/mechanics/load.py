@@ -13,11 +13,15 @@ import numpy as np
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
 from oarlock.cases.case import refuse_code
+from oarlock.mechanics.engine_version import full_mass, too_old
+from oarlock.mechanics.given import COMPILED, compiled_at
 from oarlock.mechanics.limits import require_moderate, require_moderate_model
 
 
 def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoco.MjModel:
     """Loads an MJCF file, or builds the model of a ``model.py`` by its ``build(**parameters) -> mujoco.MjSpec``.
+
+    A file of ``mechanics.given`` that stands for a compiled model gives a copy of that.
 
     Raises:
         InputError: the file is missing or malformed, ``build`` refuses the parameters, a number is not finite, or the
@@ -26,17 +30,19 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
     if not path.is_file():
         raise InputError(f"no model file '{path}'")
     try:
-        if path.suffix != ".py":
+        if path.suffix not in (".py", COMPILED):
             require_moderate(path)
         with collected_warnings() as said:
             if path.suffix == ".py":
                 model = build_spec(path, parameters or {}).compile()
+            elif path.suffix == COMPILED:
+                model = compiled_at(path)
             else:
                 model = mujoco.MjModel.from_xml_path(str(path))
     except InputError:
         raise
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}{_callbacks()}") from None
+        raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}{_callbacks()}") from None
     for text in said:
         if "NaN" in text:  # MuJoCo takes a NaN for a number that was left out, or computes with it
             raise InputError(f"{path}: {_attribute_with_nan(path)} is not a number, expected finite numbers only")
@@ -58,10 +64,9 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None) -> mujoc
 def _has_inertia(model: mujoco.MjModel) -> bool:
     """Whether the mass matrix of a model in its own pose is positive definite."""
     data = mujoco.MjData(model)
-    matrix = np.zeros((model.nv, model.nv))
     with collected_warnings():
         mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_fullM(model, data, matrix)
+        matrix = full_mass(model, data)
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:

@@ -14,7 +14,7 @@ import numpy as np
 
 from oarlock.base.core import TimeLaw
 from oarlock.base.errors import InputError, RefusedError, choose
-from oarlock.cases.case_file import MocapPart
+from oarlock.cases.drive import MocapPart
 from oarlock.mechanics.names import element_name, equalities
 
 MOCAP = "mocap:"

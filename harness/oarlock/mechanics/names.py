@@ -13,7 +13,8 @@ from oarlock.mechanics.coupled import coupled, coupled_ids
 _EQUALITY, _JOINT, _GEOM = mujoco.mjtObj.mjOBJ_EQUALITY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_GEOM
 _BODY, _SITE = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_SITE
 
-_KINDS = {int(getattr(mujoco.mjtEq, f"mjEQ_{element.upper()}")): kind for element, kind in KIND_OF.items()}
+_NUMBERS = {f"mjEQ_{element.upper()}": kind for element, kind in KIND_OF.items()}
+_KINDS = {int(getattr(mujoco.mjtEq, name)): kind for name, kind in _NUMBERS.items() if hasattr(mujoco.mjtEq, name)}
 
 
 def element_name(model: mujoco.MjModel, kind: mujoco.mjtObj, index: int) -> str:

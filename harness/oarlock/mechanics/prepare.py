@@ -7,10 +7,15 @@ import mujoco
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Settings
 from oarlock.cases.integrators import INTEGRATORS, Integrator, IntegratorName
+from oarlock.mechanics.engine_version import SPARSE_NEWTON_ERRS, set_islands
 from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
 
-_NUMBERS = {name: int(getattr(mujoco.mjtIntegrator, one.mjt)) for name, one in INTEGRATORS.items()}
+_NUMBERS = {
+    name: int(getattr(mujoco.mjtIntegrator, one.mjt))
+    for name, one in INTEGRATORS.items()
+    if hasattr(mujoco.mjtIntegrator, one.mjt)
+}
 
 
 SOLVERS = {
@@ -40,15 +45,16 @@ def prepare(
 ) -> mujoco.MjModel:
     """Sets what a run asks for, in place, and gives the model back.
 
-    Autoreset is switched off: after a NaN it would put the time back to 0. The Jacobian is dense: sparse Newton of
-    MuJoCo 4.0.0 can use a wrong factor.
+    Autoreset is switched off: after a NaN it would put the time back to 0. The Jacobian is dense where Newton can use a
+    wrong factor of a sparse one.
 
     Raises:
         InputError: the timestep is not a positive number.
     """
     settings = settings or Settings()
     set_integrator(model, integrator)
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    if SPARSE_NEWTON_ERRS:
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if timestep_s is not None:
         model.opt.timestep = timestep_s
@@ -70,7 +76,7 @@ def unsolved(model: mujoco.MjModel, timestep_s: float) -> mujoco.MjModel:
     model = copy.copy(model)
     model.opt.timestep = timestep_s
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_AUTO
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
+    set_islands(model, False)
     return model
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Reactions
+from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.folding import fold
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.rows import closing_jacobian
@@ -45,10 +46,8 @@ def unique_reactions(model: mujoco.MjModel, data: mujoco.MjData, rank: int) -> d
     # Of rows of one class every null vector is free but along their weights; of the classes, what is left of them.
     part = np.where(folded.alone | (folded.owner < 0), 0.0, 1.0 - np.square(folded.weights))
     if count > rank:
-        mass = np.zeros((model.nv, model.nv))
-        mujoco.mj_fullM(model, data, mass)
         try:
-            scaled = np.linalg.solve(np.linalg.cholesky(mass), folded.rows.T).T
+            scaled = np.linalg.solve(np.linalg.cholesky(full_mass(model, data)), folded.rows.T).T
         except np.linalg.LinAlgError:
             raise InputError(
                 "the mass matrix is not positive definite at the start, expected masses, inertias and armatures > 0"

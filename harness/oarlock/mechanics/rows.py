@@ -21,7 +21,7 @@ def jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 
 def compressed(data: mujoco.MjData, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Returns the first rows of J where MuJoCo keeps it compressed: lengths (rows), starts (rows), columns and values."""
+    """Returns the first rows of J where MuJoCo compresses it: lengths (rows), starts (rows), columns and values."""
     return data.efc_J_rownnz[:rows], data.efc_J_rowadr[:rows], data.efc_J_colind, data.efc_J
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.base.text import quoted
 from oarlock.cases.equality_kinds import unknown
+from oarlock.mechanics.engine_version import SLEEP
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.names import Equality, equalities
@@ -49,7 +50,7 @@ class Assembly:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData | None = None):
         self.model: mujoco.MjModel = copy.copy(model)
         self.model.opt.disableflags |= IGNORED
-        self.model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # a tree that sleeps has no rows
+        self.model.opt.enableflags &= ~SLEEP  # a tree that sleeps has no rows
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         self.data = mujoco.MjData(self.model)
         if data is not None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from oarlock.mechanics.engine_version import tendon_dofs
 from oarlock.mechanics.inequalities import row_name
 from oarlock.mechanics.rows import jacobian as every_row
 from oarlock.poses.assembly import Assembly
@@ -264,9 +265,7 @@ class Chart:
         index = int(data.efc_id[row])
         if data.efc_type[row] != _LIMIT_TENDON:
             return index in self._own
-        start = int(model.ten_J_rowadr[index])
-        moved = model.ten_J_colind[start : start + int(model.ten_J_rownnz[index])]
-        return bool(np.isin(moved, self.dofs).any())
+        return bool(np.isin(tendon_dofs(model, index), self.dofs).any())
 
     def inside(self, seen: Seen) -> bool:
         """Whether a pose is inside of all ranges."""

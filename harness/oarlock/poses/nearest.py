@@ -23,6 +23,7 @@ import numpy as np
 
 from oarlock.base.errors import choose
 from oarlock.base.text import called
+from oarlock.mechanics.engine_version import tendon_dofs
 from oarlock.mechanics.names import element_name
 from oarlock.poses.assembly import Assembly
 from oarlock.poses.chart import Chart, Seen, arm_of, bounds, fenced
@@ -211,8 +212,7 @@ def groups_of(assembly: Assembly) -> list[tuple[list[int], list[int]]]:
         for joint in sorted({*model.dof_jntid[alone].tolist()})
     ]
     for tendon in np.flatnonzero(model.tendon_limited):
-        start = int(model.ten_J_rowadr[tendon])
-        moved = set(model.ten_J_colind[start : start + int(model.ten_J_rownnz[tendon])].tolist())
+        moved = set(tendon_dofs(model, int(tendon)))
         joined = [group for group in found if group[1] & moved]
         if len(joined) > 1:
             numbers = sorted(number for group in joined for number in group[0])

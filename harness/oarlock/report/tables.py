@@ -5,11 +5,10 @@ from typing import Any
 import polars as pl
 
 from oarlock.base.errors import InputError
+from oarlock.base.text import version_numbers
 from oarlock.cases.equality_kinds import KINDS
 from oarlock.report import figures
 from oarlock.tables.folder import ResultFolder
-
-_NO_CURVATURE = {kind.name for kind in KINDS if kind.leaves_curvature_out}
 
 
 class Tables:
@@ -55,7 +54,9 @@ class Tables:
     @property
     def without_curvature(self) -> list[str]:
         """Names of the equalities for which MuJoCo's reference acceleration leaves J̇v out."""
-        return [equality["name"] for equality in self.case["model"]["equalities"] if equality["kind"] in _NO_CURVATURE]
+        version = version_numbers(self.provenance["mujoco"])
+        lacking = {kind.name for kind in KINDS if kind.lacks_curvature(version)}
+        return [equality["name"] for equality in self.case["model"]["equalities"] if equality["kind"] in lacking]
 
     def free_runs(self) -> dict[str, dict[str, Any]]:
         """The free runs that figures compare, as far as there are any: MuJoCo default, MuJoCo stiff, exact."""

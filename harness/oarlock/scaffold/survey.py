@@ -13,8 +13,9 @@ import numpy as np
 
 from oarlock.base.errors import RefusedError
 from oarlock.cases.case import Case
-from oarlock.cases.case_file import Baumgarte, CaseFile, Drive, MocapPart, RunDefaults, Start
+from oarlock.cases.case_file import Baumgarte, CaseFile, RunDefaults, Start
 from oarlock.cases.conditions import Conditions
+from oarlock.cases.drive import Drive, MocapPart
 from oarlock.cases.integrators import INTEGRATORS, IntegratorName
 from oarlock.cases.motion import NO_KEYFRAME, RULE, Motion
 from oarlock.mechanics import controls

@@ -9,7 +9,7 @@ A case says both. Of a file without a case:
 - integrator: the model's own, or ``SUBSTITUTE`` where exact runs cannot take that.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -20,6 +20,7 @@ from oarlock.cases.integrators import SUBSTITUTE, IntegratorName
 from oarlock.cases.motion import KINDS, NO_KEYFRAME, RULE, Kind, Motion
 from oarlock.mechanics import controls
 from oarlock.mechanics.control_log import ControlLog
+from oarlock.mechanics.controller import commanded
 from oarlock.mechanics.controls import Laws
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of
@@ -101,6 +102,18 @@ def beginning_of_case(model: mujoco.MjModel, case: Case, asked: Motion = RULE) -
     return found
 
 
+def along_run(model: mujoco.MjModel, begins: Beginning, asked: Motion, steps: int) -> Beginning:
+    """A beginning with what a controller commands in so many steps of MuJoCo's own run from it, if there is one.
+
+    Raises:
+        InputError: as ``mechanics.controller.commanded``.
+    """
+    if asked.controller is None:
+        return begins
+    laws, driven = commanded(model, (begins.qpos, begins.qvel, begins.act), asked.controller, steps)
+    return replace(begins, laws=laws, driven=driven)
+
+
 def own_integrator(model: mujoco.MjModel) -> tuple[IntegratorName, str]:
     """The integrator of a file's runs, and why it is not the model's own; empty if it is."""
     own = integrator_of(model)
@@ -124,13 +137,13 @@ def driven_by(model: mujoco.MjModel, asked: Motion, key: int | None) -> tuple[La
     """
     if model.nu == 0 and not asked.drives:
         return Laws({}), "no actuators"
-    named = bool(asked.control) or asked.log is not None
+    named = bool(asked.named) or asked.log is not None
     kind: Kind = "keyframe" if key is not None else "constant" if named else "random"
     for known in KINDS:
         kind = known if known == asked.controls else kind
     if kind == "keyframe" and key is None:
         raise InputError("the run starts from no keyframe, expected one for controls of kind 'keyframe'")
-    found = controls.laws(model, kind, key, asked.seed, asked.control)
+    found = controls.laws(model, kind, key, asked.seed, asked.named)
     said = {
         "keyframe": "the keyframe's controls, held",
         "constant": "constant controls",
@@ -138,11 +151,11 @@ def driven_by(model: mujoco.MjModel, asked: Motion, key: int | None) -> tuple[La
     }[kind]
     if asked.log is not None:
         log = ControlLog(asked.log, controls.columns(model))
-        read = {name: law for name, law in log.laws().items() if name not in asked.control}
+        read = {name: law for name, law in log.laws().items() if name not in asked.named}
         found = Laws({**found, **dict.fromkeys(read, str(log))}, logs=read, held=True)
         said = f"controls of the {log}"
-    if asked.control:
-        given = ", ".join(f"{name} = {law}" for name, law in asked.control.items())
+    if asked.named:
+        given = ", ".join(f"{name} = {law}" for name, law in asked.named.items())
         bare = kind == "constant" and asked.log is None
         said = f"{'controls' if bare else f'{said}, but'} {given}"
     return found, said

@@ -9,6 +9,7 @@ import numpy as np
 from oarlock.base.errors import InputError, few
 from oarlock.base.text import quoted
 from oarlock.mechanics.curvature import Curvature
+from oarlock.mechanics.engine_version import diagonal_approx
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import Equality, element_name, equalities
@@ -73,7 +74,7 @@ def close(model: mujoco.MjModel, data: mujoco.MjData, rank_cut: float | None) ->
             mujoco.mj_fwdPosition(model, data)
             if error <= 100 * CLOSED:
                 return True  # rounding: long mechanisms cannot do better
-            scale = float(np.abs(data.efc_diagA[: data.ne]).max())
+            scale = float(np.abs(diagonal_approx(data)[: data.ne]).max())
             damping = max(10.0 * damping, 1e-6 * scale)
         return error <= CLOSED
 

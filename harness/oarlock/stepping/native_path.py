@@ -1,6 +1,6 @@
 """The native path: experiments walked by the compiled core, bit for bit as the Python path.
 
-The core needs MuJoCo of exactly the version that it was built against, for it reads its structs.
+The core reads MuJoCo's structs, for which it has a layout of every version that it knows (``layout``).
 """
 
 from collections.abc import Iterator
@@ -15,6 +15,7 @@ from oarlock.base import core
 from oarlock.base.errors import InputError, RefusedError, one_line
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.stepping.ending import Ending
+from oarlock.stepping.layout import disagreement, known_layout
 from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
@@ -50,7 +51,9 @@ def refusal() -> str:
                 core.open_mujoco(str(path))
             except InputError as error:
                 return one_line(error)
-            return ""
+            layout = known_layout()
+            wrong = disagreement(layout) if layout else "mj_version"
+            return f"MuJoCo {mujoco.__version__} keeps {wrong} elsewhere than oarlock's table says" if wrong else ""
     return f"no library of MuJoCo in '{folder}'"
 
 
@@ -121,6 +124,8 @@ class NativePath:
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
+        *,
+        judged: bool = True,
     ) -> Tables:
         """As ``Path``."""
         steps, make = self._prepared.steps, self._make
@@ -128,7 +133,8 @@ class NativePath:
             return self._walk("mujoco", self.core.free_mujoco(steps))
         last = make(projector) if projector else None
         beside = make(SOLVER_BESIDE) if form == "hard" else None
-        return self._walk("free", self.core.free_solved(steps, form, make(solver), last, beside))
+        run = self.core.free_solved(steps, form, make(solver), last, beside, judged)
+        return self._walk("free" if judged else "alone", run)
 
     def _walk(self, walk: Walk, run: core.Run, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""

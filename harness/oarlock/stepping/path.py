@@ -83,8 +83,13 @@ class Path(Protocol):
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
+        *,
+        judged: bool = True,
     ) -> Tables:
         """One engine walks alone, against MuJoCo as configured and against the truth; MuJoCo has no form.
+
+        A solver that is not judged is spared MuJoCo's run and the minimum-norm multipliers of another solver beside
+        it, which on mechanisms of many loops cost more than the walk: the table lacks the figures of both.
 
         In the hard form another walk is taken beside it, with half the timestep, which tells its error. Not in the
         matched one: MuJoCo's softness hangs on the timestep, so that at half of it the question is another.

@@ -1,5 +1,7 @@
 """A model made ready to be walked, bare or that of a case: what every path of stepping starts from."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import polars as pl
@@ -16,7 +18,7 @@ from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.inequalities import ignore_inequalities, may_act, refuse_unsupported
 from oarlock.mechanics.observed import Observed
 from oarlock.mechanics.prepare import load_mechanism
-from oarlock.stepping.beginning import beginning_of_case
+from oarlock.stepping.beginning import along_run, beginning_of_case
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.projection import gap
 from oarlock.stepping.published import PublishedValues
@@ -186,12 +188,15 @@ class PreparedCase(Prepared):
         self.ignored = ignore_inequalities(model) if ignoring else None
         refuse_unsupported(model)
         self.begins = beginning_of_case(model, case, conditions.motion)
+        self.start: ConsistentStart = start or consistent_start(model, case, conditions.seed, self.begins)
+        steps = _steps(case, conditions.duration_s, float(model.opt.timestep))
+        begins = replace(self.begins, qpos=self.start.qpos, qvel=self.start.qvel)
+        begins = along_run(model, begins, conditions.motion, steps)
+        self.begins = replace(self.begins, laws=begins.laws, driven=begins.driven)
+        drive = controls.drive(model, self.begins.laws)
         self.told = str(self.begins) if case.bare or conditions.motion.given else None
         if self.told and case.substituted and integrator == case.file.run.integrator:
             self.told += f"; {case.substituted}"
-        drive = controls.drive(model, self.begins.laws)
-        self.start: ConsistentStart = start or consistent_start(model, case, conditions.seed, self.begins)
-        steps = _steps(case, conditions.duration_s, float(model.opt.timestep))
         own = timestep_s is None
         published = PublishedValues(model, case.file.published, f"[[published]] of case '{case.name}'", own=own)
         if published.last_step == steps:

@@ -8,8 +8,8 @@ import numpy as np
 
 from oarlock.base.arrays import largest
 from oarlock.base.errors import InputError, choose
-from oarlock.cases.case_file import Published
 from oarlock.cases.equality_kinds import KNOWN
+from oarlock.cases.published import Published
 from oarlock.mechanics.names import equalities
 from oarlock.mechanics.observed import Observed
 

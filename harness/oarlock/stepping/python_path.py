@@ -114,13 +114,16 @@ class PythonPath:
         solver: SolverSpec,
         form: Form | None,
         projector: SolverSpec | None,
+        *,
+        judged: bool = True,
     ) -> Tables:
         """As ``Path``."""
         if form is None:
             return self._walk(FreeMujoco(self._prepared, self._terms))
         beside = self._make(SOLVER_BESIDE) if form == "hard" else None
         halved = Halved(self._prepared, self._terms, beside, projector) if beside else None
-        return self._walk(FreeSolved(self._prepared, self._terms, form, self._make(solver), projector, halved))
+        made, judge = self._make(solver), Companion(self._prepared) if judged else None
+        return self._walk(FreeSolved(self._prepared, self._terms, form, made, projector, halved, judge))
 
     def _walk(self, experiment: Experiment, count: int = 1) -> Tables:
         """Walks all steps; ``count`` is the number of those who answer."""
@@ -428,9 +431,7 @@ class FreeMujoco:
 
 
 class FreeSolved:
-    """A solver walks alone, beside MuJoCo as configured; a projector may end its steps."""
-
-    walk: Walk = "free"
+    """A solver walks, where it is judged beside MuJoCo as configured; a projector may end its steps."""
 
     def __init__(
         self,
@@ -440,7 +441,9 @@ class FreeSolved:
         solver: MultiplierSolver,
         projector: SolverSpec | None,
         halved: Halved | None,
+        theirs: Companion | None,
     ):
+        self.walk: Walk = "free" if theirs else "alone"
         self._prepared = prepared
         model = unsolved(prepared.model, prepared.timestep_s)
         data = prepared.data(model)
@@ -451,20 +454,25 @@ class FreeSolved:
             last = Projector(model, solver=projector, left=prepared.left, moving=moving)
         self._projector = last
         self.walker = ForcedWalker(model, data, prepared.drive, self._force, last, moving, follows=form == "hard")
-        self._theirs, self._halved = Companion(prepared), halved
+        self._theirs, self._halved = theirs, halved
         self._energy = prepared.energy()
 
     def begin(self, step: int) -> list[Row]:
         """As ``Experiment``; its solves are counted when the step is taken."""
         prepared, data = self._prepared, self.walker.data
         multipliers = data.efc_force[: data.ne]
-        minimum, self._known = self._force.question.reference(self._force.solver)
+        judgement: Row = {}
+        if self._theirs:
+            minimum, self._known = self._force.question.reference(self._force.solver)
+            judgement["min_norm_error"] = float(relative_difference(multipliers, minimum))
+            judgement["trajectory_diff"] = self._theirs.compare(data.qpos)
+        else:
+            self._known = self._force.info
         return [
             {
                 **answered(prepared, step, self._state, data.qacc, multipliers),
                 **pushing(self._state.others, self._force.question.inequalities),
-                "min_norm_error": float(relative_difference(multipliers, minimum)),
-                "trajectory_diff": self._theirs.compare(data.qpos),
+                **judgement,
                 **(self._halved.compare(data) if self._halved else {}),
                 **self._energy.of(data),
                 **prepared.published.errors(step, data),

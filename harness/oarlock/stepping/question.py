@@ -88,6 +88,11 @@ class SolvedForce:
         self._infos: list[core.Info] = []
         self._pushes: list[Push] = []
 
+    @property
+    def info(self) -> core.Info:
+        """What the solver reported last."""
+        return self._infos[-1]
+
     def take_pushes(self) -> list[Push]:
         """Returns what limits, friction loss and contacts took since the last call, one entry per stage with any."""
         pushes, self._pushes = self._pushes, []

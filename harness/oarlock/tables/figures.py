@@ -28,8 +28,8 @@ from oarlock.tables.reductions import (
 )
 from oarlock.tables.tolerances import Tolerance
 
-Walk = Literal["calibration", "lockstep", "one-step", "free", "mujoco"]
-"""What a table is of; ``free`` is a solver's free run, ``mujoco`` MuJoCo's own."""
+Walk = Literal["calibration", "lockstep", "one-step", "free", "alone", "mujoco"]
+"""What a table is of; ``free`` is a solver's free run, ``alone`` one that is not judged, ``mujoco`` MuJoCo's own."""
 
 Kind = Literal["int", "float", "text", "list"]
 
@@ -40,12 +40,14 @@ DTYPES: dict[Kind, pl.DataType | type[pl.DataType]] = {
     "list": pl.List(pl.Float64),
 }
 
-_EVERY: tuple[Walk, ...] = ("calibration", "lockstep", "one-step", "free", "mujoco")
-_ASKED: tuple[Walk, ...] = ("lockstep", "one-step", "free", "mujoco")
-_SOLVED: tuple[Walk, ...] = ("lockstep", "one-step", "free")
+_EVERY: tuple[Walk, ...] = ("calibration", "lockstep", "one-step", "free", "alone", "mujoco")
+_ASKED: tuple[Walk, ...] = ("lockstep", "one-step", "free", "alone", "mujoco")
+_SOLVED: tuple[Walk, ...] = ("lockstep", "one-step", "free", "alone")
 _LOCKSTEP: tuple[Walk, ...] = ("lockstep",)
-_COMPARED: tuple[Walk, ...] = ("lockstep", "free")
-_FREE: tuple[Walk, ...] = ("free", "mujoco")
+_JUDGED: tuple[Walk, ...] = ("lockstep", "free")
+_PROJECTED: tuple[Walk, ...] = ("lockstep", "free", "alone")
+_FREE: tuple[Walk, ...] = ("free", "alone", "mujoco")
+_HALVED: tuple[Walk, ...] = ("free", "alone")
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ COLUMNS = (
     Column("inconsistency", "float", "‖Nᵀ b‖, N a basis of null(A)", _SOLVED),
     Column("rank_margin", "float", "factor between the rank cut and the eigenvalue next to it", _SOLVED),
     Column("rank_rises", "int", "ranks that were held and rose: more stands than open rows explain", _SOLVED),
-    Column("min_norm_error", "float", "relative distance from the minimum-norm multipliers", _COMPARED),
+    Column("min_norm_error", "float", "relative distance from the minimum-norm multipliers", _JUDGED),
     Column("qacc_rel_diff", "float", "relative distance from MuJoCo's acceleration", _LOCKSTEP),
     Column("qfrc_constraint_rel_diff", "float", "relative distance from MuJoCo's constraint force", _LOCKSTEP),
     Column("drift_pos", "float", "largest deviation of a row, m or rad"),
@@ -101,16 +103,16 @@ COLUMNS = (
     Column("newton_worst", "int", "of the one that took most", _SOLVED, optional=True),
     Column("optimality", "float", "relative gradient beyond rounding that their forces leave", _SOLVED, optional=True),
     Column("mujoco_optimality", "float", "the same of MuJoCo's own answer", _LOCKSTEP, optional=True),
-    Column("projection", "text", "how the projection at the end of the step ended", _COMPARED, optional=True),
-    Column("projection_rounds", "int", "its corrections of the positions", _COMPARED, optional=True),
-    Column("projection_solves", "int", "its solves", _COMPARED, optional=True),
-    Column("projection_iterations", "int", "their iterations", _COMPARED, optional=True),
-    Column("projection_moved", "float", "largest change of a coordinate by it, rad or m", _COMPARED, optional=True),
+    Column("projection", "text", "how the projection at the end of the step ended", _PROJECTED, optional=True),
+    Column("projection_rounds", "int", "its corrections of the positions", _PROJECTED, optional=True),
+    Column("projection_solves", "int", "its solves", _PROJECTED, optional=True),
+    Column("projection_iterations", "int", "their iterations", _PROJECTED, optional=True),
+    Column("projection_moved", "float", "largest change of a coordinate by it, rad or m", _PROJECTED, optional=True),
     Column("energy", "float", "potential and kinetic energy, J", _FREE, optional=True),
     Column("kinetic_energy", "float", "kinetic energy, J", _FREE, optional=True),
     Column("trajectory_diff", "float", "distance from MuJoCo's own run, rad or m", ("calibration", "one-step", "free")),
-    Column("error_estimate", "float", "how far it is off by itself, rad or m", ("free",), optional=True),
-    Column("truth_error_estimate", "float", "the same of what the outside truth speaks of", ("free",), optional=True),
+    Column("error_estimate", "float", "how far it is off by itself, rad or m", _HALVED, optional=True),
+    Column("truth_error_estimate", "float", "the same of what the outside truth speaks of", _HALVED, optional=True),
     Column("truth_error", "float", "distance from the outside truth, rad or m", optional=True),
     Column("published_position_error", "float", "distance from a printed position, rad or m", _FREE, optional=True),
     Column("published_velocity_error_rel", "float", "the same of a velocity, relative", _FREE, optional=True),

@@ -13,7 +13,7 @@ use std::ffi::c_int;
 
 use crate::error::Error;
 use crate::kinematics::{Kinematics, index};
-use crate::library::{Data, EQ_CONNECT, EQ_DATA, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model};
+use crate::library::{Data, EQ_CONNECT, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model};
 use crate::tendon::Tendon;
 use crate::vectors::horner;
 
@@ -111,7 +111,8 @@ impl Curvature {
 impl Rows {
     fn new(model: &Model, equality: usize) -> Self {
         let kind = model.eq_type()[equality];
-        let data = &model.eq_data()[EQ_DATA * equality..EQ_DATA * (equality + 1)];
+        let width = model.eq_data_width();
+        let data = &model.eq_data()[width * equality..width * (equality + 1)];
         let ids = [model.eq_obj1id()[equality], model.eq_obj2id()[equality]];
         let second = usize::try_from(ids[1]).ok();
         match kind {

@@ -70,7 +70,7 @@ mod tests {
     #[test]
     fn a_solver_that_walks_alone_keeps_the_energy_of_a_pendulum() {
         let mut run =
-            free_solved(&setup(), Form::Hard, solver("sr1-tracked"), None, None, 1000).expect("a setup");
+            free_solved(&setup(), Form::Hard, solver("sr1-tracked"), None, None, true, 1000).expect("a setup");
         assert_eq!((run.advance(1000), run.end()), (1000, None));
         let kept = run.take_snapshots();
         assert_eq!((kept.len(), kept[0].step, kept[0].multipliers.len()), (1, 3, 6));

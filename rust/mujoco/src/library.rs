@@ -2,7 +2,8 @@
 //!
 //! # What it stands on
 //!
-//! - Struct layouts come from the shim, compiled against the headers of one version; [`open`] refuses any other.
+//! - Struct layouts are rows of a table, one a version ([`layout`]); [`open`] refuses a version that has none. Whoever opens
+//!   a library compares its row with what MuJoCo's own bindings show, before any model is copied: the harness does.
 //! - [`Model`] and [`Data`] own what they point to: copies that nothing else in the process knows. So `&Model` can be shared
 //!   between threads (MuJoCo only reads it), and `&mut Data` is exclusive.
 //! - Pointers are read through the sizes that MuJoCo gives for them. Those into the arena are read anew after every call
@@ -15,6 +16,7 @@ mod data;
 mod ffi;
 mod hook;
 mod jacobian;
+mod layout;
 mod model;
 #[cfg(all(test, unix))]
 pub(crate) mod testing;
@@ -24,11 +26,12 @@ use std::sync::OnceLock;
 use std::{ptr, slice};
 
 pub use data::{Cone, Data, InequalityRows};
-use ffi::{oarlock_header_version, oarlock_open};
+use ffi::oarlock_open;
 pub use hook::{Controls, with_controls, without_timers};
 pub use jacobian::Jacobian;
+pub use layout::{Layout, Place, layout, versions};
 pub use model::{
-    EQ_CONNECT, EQ_DATA, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model, WRAP_CYLINDER, WRAP_JOINT,
+    EQ_CONNECT, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model, WRAP_CYLINDER, WRAP_JOINT,
     WRAP_PULLEY, WRAP_SITE,
 };
 
@@ -39,7 +42,7 @@ const MESSAGE: usize = 1024;
 /// Resolves MuJoCo's functions from the library at `path`, which the process must have loaded. Once a process.
 ///
 /// # Errors
-/// [`Error::Library`]: it is not loaded, it lacks a function, or it is not of the version that this was built against.
+/// [`Error::Library`]: it is not loaded, it lacks a function, or nothing is known of the layout of its version.
 pub fn open(path: &str) -> Result<(), Error> {
     OPENED.get_or_init(|| resolve(path)).clone()
 }
@@ -64,15 +67,18 @@ fn resolve(path: &str) -> Result<(), Error> {
             Err(Error::Library(format!("'{path}' has no function {name}")))
         }
         _ => Err(Error::Library(format!(
-            "MuJoCo {} is installed, the native stepping was built against {}",
+            "MuJoCo {} is installed, native stepping knows {}",
             spelt(version),
-            spelt(oarlock_header_version())
+            versions().into_iter().map(spelt).collect::<Vec<_>>().join(", ")
         ))),
     }
 }
 
-/// 4000001 as 4.0.1.
+/// 4000001 as 4.0.1, and 337 as 3.3.7: before 3.5 MuJoCo gave each part a digit.
 fn spelt(version: i32) -> String {
+    if version < 1_000_000 {
+        return format!("{}.{}.{}", version / 100, version / 10 % 10, version % 10);
+    }
     format!("{}.{}.{}", version / 1_000_000, version / 1000 % 1000, version % 1000)
 }
 
@@ -138,5 +144,6 @@ mod tests {
     fn versions_are_spelt_as_people_do() {
         assert_eq!(spelt(4_000_001), "4.0.1");
         assert_eq!(spelt(12_034_000), "12.34.0");
+        assert_eq!(spelt(337), "3.3.7");
     }
 }

@@ -16,33 +16,63 @@ static void* loaded(const char* path) { return dlopen(path, RTLD_NOW | RTLD_NOLO
 static void* symbol(void* library, const char* name) { return dlsym(library, name); }
 #endif
 
-// MuJoCo's functions, resolved from the library that is already in this process.
-#define FUNCTIONS(X)                                                                                              \
-  X(mj_copyModel) X(mj_deleteModel) X(mj_makeData) X(mj_deleteData) X(mj_isSparse) X(mj_version) X(mj_step)         \
-  X(mj_forward) X(mj_fwdPosition) X(mj_fwdVelocity) X(mj_fwdActuation) X(mj_fwdAcceleration) X(mj_fwdConstraint)   \
-  X(mj_RungeKutta) X(mj_Euler) X(mj_implicit) X(mj_energyPos) X(mj_energyVel) X(mj_solveM) X(mj_solveM2)            \
-  X(mj_integratePos) X(mj_differentiatePos) X(mj_mulJacTVec) X(mj_mulM) X(mj_id2name)
-
 // The handler of one thread only: not in the public headers, but what MuJoCo's own bindings trap errors with. Its type
-// is checked by use; the library is of exactly the version of the headers.
-typedef mjfLogHandler (*set_handler)(mjfLogHandler);
+// is checked by use.
+typedef void (*handler)(const oarlock_log*);
+typedef handler (*set_handler)(handler);
 
+// MuJoCo's functions, resolved from the library that is already in this process.
 static struct {
-#define DECLARE(name) __typeof__(&name) name;
-  FUNCTIONS(DECLARE)
+#define DECLARE(name, result, parameters) result(*name) parameters;
+  OARLOCK_FUNCTIONS(DECLARE)
 #undef DECLARE
   set_handler set_thread_handler;
-  mjfGeneric* control;
-  mjfTime* time;
+  oarlock_generic* control;
+  oarlock_clock* time;
 } api;
+
+static const oarlock_layout LAYOUTS[] = {
+#include "../layouts/table.h"
+};
+
+static const oarlock_field FIELDS[] = {
+#define DESCRIBE(whole, field, type, name) {#whole, #field, #type},
+    OARLOCK_FIELDS(DESCRIBE)
+#undef DESCRIBE
+};
+
+enum { FIELD_COUNT = sizeof(FIELDS) / sizeof(*FIELDS), LAYOUT_COUNT = sizeof(LAYOUTS) / sizeof(*LAYOUTS), HEAD = 3 };
+_Static_assert(sizeof(oarlock_layout) == (HEAD + FIELD_COUNT) * sizeof(uint32_t), "oarlock_layout");
+
+static const oarlock_layout* layout_of(int version) {
+  for (int i = 0; i < LAYOUT_COUNT; i++) {
+    if ((int)LAYOUTS[i].version == version) return LAYOUTS + i;
+  }
+  return 0;
+}
+
+// That of the library that is open.
+static oarlock_layout at;
+
+// mjModel_nq(m) and its like: the place of a field in a struct.
+#define ACCESS(whole, field, type, name)                               \
+  static inline __typeof__(type)* whole##_##name(const whole* base) { \
+    return (__typeof__(type)*)((char*)base + at.name);                 \
+  }
+OARLOCK_FIELDS(ACCESS)
+#undef ACCESS
+
+#define ENUM(name, number) name = (number),
+enum { OARLOCK_ENUMS(ENUM) };
+#undef ENUM
 
 static _Thread_local jmp_buf trap;
 static _Thread_local char* trapped;
 
 // Comes back from an error by a jump to the call that it happened in: no frame but MuJoCo's lies between. Warnings are
 // counted in mjData, where the harness reads them.
-static void on_message(const mjLogMessage* message) {
-  if (message->level < mjLOG_ERROR) return;
+static void on_message(const oarlock_log* message) {
+  if (message->level < OARLOCK_ERROR) return;
   snprintf(trapped, OARLOCK_MESSAGE, "%s", message->subject);
   longjmp(trap, 1);
 }
@@ -50,7 +80,7 @@ static void on_message(const mjLogMessage* message) {
 // 0, or 1 with the text of MuJoCo's error in `message`.
 #define TRAPPED(message, call)                                   \
   do {                                                           \
-    const mjfLogHandler before = api.set_thread_handler(on_message); \
+    const handler before = api.set_thread_handler(on_message);   \
     trapped = (message);                                         \
     const int failed = SETJMP(trap);                             \
     if (!failed) {                                               \
@@ -60,25 +90,43 @@ static void on_message(const mjLogMessage* message) {
     return failed;                                               \
   } while (0)
 
-int oarlock_header_version(void) { return mjVERSION_HEADER; }
+// The versions that have a layout, oldest first; their number.
+int oarlock_versions(int* versions, int room) {
+  for (int i = 0; i < LAYOUT_COUNT && i < room; i++) versions[i] = (int)LAYOUTS[i].version;
+  return LAYOUT_COUNT;
+}
 
-// 0: resolved; 1: the library at `path` is not in this process; 2: it lacks `missing`; 3: it is of another `version`.
+// The fields of a layout and their offsets; their number, 0 where the version has none.
+int oarlock_describe(int version, const oarlock_field** fields, const uint32_t** offsets, int* contact_size,
+                     int* eq_data_width) {
+  const oarlock_layout* layout = layout_of(version);
+  if (!layout) return 0;
+  *fields = FIELDS;
+  *offsets = (const uint32_t*)layout + HEAD;
+  *contact_size = (int)layout->contact_size;
+  *eq_data_width = (int)layout->eq_data_width;
+  return FIELD_COUNT;
+}
+
+// 0: resolved; 1: the library at `path` is not in this process; 2: it lacks `missing`; 3: its `version` has no layout.
 int oarlock_open(const char* path, int* version, const char** missing) {
   void* library = loaded(path);
   if (!library) return 1;
-#define RESOLVE(name)                                                     \
-  api.name = (__typeof__(api.name))symbol(library, *missing = #name);      \
+#define RESOLVE(name, result, parameters)                                   \
+  api.name = (result(*) parameters)symbol(library, *missing = #name);       \
   if (!api.name) return 2;
-  RESOLVE(mj_version)
+  RESOLVE(mj_version, int, (void))
   *version = api.mj_version();
-  if (*version != mjVERSION_HEADER) return 3;
-  FUNCTIONS(RESOLVE)
+  const oarlock_layout* layout = layout_of(*version);
+  if (!layout) return 3;
+  at = *layout;
+  OARLOCK_FUNCTIONS(RESOLVE)
 #undef RESOLVE
   api.set_thread_handler = (set_handler)symbol(library, *missing = "_mjPRIVATE_setTlsLogHandler");
   if (!api.set_thread_handler) return 2;
-  api.control = (mjfGeneric*)symbol(library, *missing = "mjcb_control");
+  api.control = (oarlock_generic*)symbol(library, *missing = "mjcb_control");
   if (!api.control) return 2;
-  api.time = (mjfTime*)symbol(library, *missing = "mjcb_time");
+  api.time = (oarlock_clock*)symbol(library, *missing = "mjcb_time");
   return api.time ? 0 : 2;
 }
 
@@ -87,9 +135,9 @@ int oarlock_copy_model(const mjModel* model, mjModel** copy, char* message) {
 }
 
 void oarlock_leave_unsolved(mjModel* model, double timestep) {
-  model->opt.timestep = timestep;
-  model->opt.jacobian = mjJAC_AUTO;
-  model->opt.disableflags |= mjDSBL_ISLAND;
+  *mjModel_timestep(model) = timestep;
+  *mjModel_jacobian(model) = mjJAC_AUTO;
+  *mjModel_disableflags(model) |= mjDSBL_ISLAND;
 }
 
 void oarlock_delete_model(mjModel* model) { api.mj_deleteModel(model); }
@@ -100,20 +148,25 @@ int oarlock_make_data(const mjModel* model, mjData** data, char* message) {
 
 void oarlock_delete_data(mjData* data) { api.mj_deleteData(data); }
 
+#define M(name) (*mjModel_##name(m))
+#define D(name) (*mjData_##name(d))
+
 void oarlock_view_model(const mjModel* m, oarlock_model* view) {
+  const double* center = M(center);
   *view = (oarlock_model){
-    .nq = m->nq, .nv = m->nv, .nu = m->nu, .na = m->na, .nbody = m->nbody, .njnt = m->njnt, .ngeom = m->ngeom,
-    .nsite = m->nsite, .neq = m->neq, .ntendon = m->ntendon, .nwrap = m->nwrap, .nplugin = m->nplugin,
-    .sparse = api.mj_isSparse(m), .staged = m->opt.integrator == mjINT_RK4, .timestep = m->opt.timestep,
-    .mass_lengths = m->M_rownnz, .mass_starts = m->M_rowadr, .mass_columns = m->M_colind,
-    .body_parentid = m->body_parentid, .body_rootid = m->body_rootid, .body_dofadr = m->body_dofadr,
-    .body_dofnum = m->body_dofnum, .jnt_type = m->jnt_type, .jnt_qposadr = m->jnt_qposadr,
-    .jnt_dofadr = m->jnt_dofadr, .geom_bodyid = m->geom_bodyid, .site_bodyid = m->site_bodyid,
-    .eq_type = m->eq_type, .eq_objtype = m->eq_objtype, .eq_obj1id = m->eq_obj1id, .eq_obj2id = m->eq_obj2id,
-    .tendon_adr = m->tendon_adr, .tendon_num = m->tendon_num, .wrap_type = m->wrap_type,
-    .wrap_objid = m->wrap_objid, .qpos0 = m->qpos0, .geom_size = m->geom_size,
-    .eq_data = m->eq_data, .eq_active0 = m->eq_active0, .tendon_length0 = m->tendon_length0, .wrap_prm = m->wrap_prm,
-    .extent = m->stat.extent, .center = {m->stat.center[0], m->stat.center[1], m->stat.center[2]},
+    .nq = M(nq), .nv = M(nv), .nu = M(nu), .na = M(na), .nbody = M(nbody), .njnt = M(njnt), .ngeom = M(ngeom),
+    .nsite = M(nsite), .neq = M(neq), .ntendon = M(ntendon), .nwrap = M(nwrap), .nplugin = M(nplugin),
+    .sparse = api.mj_isSparse(m), .staged = M(integrator) == mjINT_RK4, .eq_data_width = at.eq_data_width,
+    .timestep = M(timestep),
+    .mass_lengths = M(M_rownnz), .mass_starts = M(M_rowadr), .mass_columns = M(M_colind),
+    .body_parentid = M(body_parentid), .body_rootid = M(body_rootid), .body_dofadr = M(body_dofadr),
+    .body_dofnum = M(body_dofnum), .jnt_type = M(jnt_type), .jnt_qposadr = M(jnt_qposadr),
+    .jnt_dofadr = M(jnt_dofadr), .geom_bodyid = M(geom_bodyid), .site_bodyid = M(site_bodyid),
+    .eq_type = M(eq_type), .eq_objtype = M(eq_objtype), .eq_obj1id = M(eq_obj1id), .eq_obj2id = M(eq_obj2id),
+    .tendon_adr = M(tendon_adr), .tendon_num = M(tendon_num), .wrap_type = M(wrap_type),
+    .wrap_objid = M(wrap_objid), .qpos0 = M(qpos0), .geom_size = M(geom_size),
+    .eq_data = M(eq_data), .eq_active0 = M(eq_active0), .tendon_length0 = M(tendon_length0), .wrap_prm = M(wrap_prm),
+    .extent = M(extent), .center = {center[0], center[1], center[2]},
   };
 }
 
@@ -122,36 +175,37 @@ const char* oarlock_name(const mjModel* m, int type, int id) { return api.mj_id2
 
 void oarlock_view_data(mjData* d, oarlock_data* view) {
   *view = (oarlock_data){
-    .time = &d->time, .energy = d->energy, .qpos = d->qpos, .qvel = d->qvel, .act = d->act, .ctrl = d->ctrl,
-    .qacc = d->qacc, .qfrc_constraint = d->qfrc_constraint, .eq_active = d->eq_active, .qfrc_smooth = d->qfrc_smooth, .qacc_smooth = d->qacc_smooth,
-    .mass = d->M, .mass_factor = d->qLD, .inverse_diagonal = d->qLDiagInv, .cvel = d->cvel, .cdof_dot = d->cdof_dot,
-    .subtree_com = d->subtree_com, .geom_xpos = d->geom_xpos, .geom_xmat = d->geom_xmat, .site_xpos = d->site_xpos,
-    .ten_length = d->ten_length, .ten_velocity = d->ten_velocity, .wrap_xpos = d->wrap_xpos,
-    .ten_wrapadr = d->ten_wrapadr, .ten_wrapnum = d->ten_wrapnum, .wrap_obj = d->wrap_obj,
-    .solver_niter = d->solver_niter,
+    .time = &D(time), .energy = D(energy), .qpos = D(qpos), .qvel = D(qvel), .act = D(act), .ctrl = D(ctrl),
+    .qacc = D(qacc), .qfrc_constraint = D(qfrc_constraint), .eq_active = D(eq_active),
+    .qfrc_smooth = D(qfrc_smooth), .qacc_smooth = D(qacc_smooth),
+    .mass = D(M), .mass_factor = D(qLD), .inverse_diagonal = D(qLDiagInv), .cvel = D(cvel), .cdof_dot = D(cdof_dot),
+    .subtree_com = D(subtree_com), .geom_xpos = D(geom_xpos), .geom_xmat = D(geom_xmat), .site_xpos = D(site_xpos),
+    .ten_length = D(ten_length), .ten_velocity = D(ten_velocity), .wrap_xpos = D(wrap_xpos),
+    .ten_wrapadr = D(ten_wrapadr), .ten_wrapnum = D(ten_wrapnum), .wrap_obj = D(wrap_obj),
+    .solver_niter = D(solver_niter),
   };
 }
 
 void oarlock_view_rows(mjData* d, oarlock_rows* view) {
   *view = (oarlock_rows){
-    .ne = d->ne, .nefc = d->nefc, .njacobian = d->nJ, .nisland = d->nisland, .id = d->efc_id,
-    .rownnz = d->efc_J_rownnz, .rowadr = d->efc_J_rowadr, .colind = d->efc_J_colind, .jacobian = d->efc_J,
-    .pos = d->efc_pos, .vel = d->efc_vel, .aref = d->efc_aref, .softness = d->efc_R,
-    .law = d->efc_KBIP, .force = d->efc_force, .type = d->efc_type, .stiffness = d->efc_D,
-    .friction_loss = d->efc_frictionloss,
+    .ne = D(ne), .nefc = D(nefc), .njacobian = D(nJ), .nisland = D(nisland), .id = D(efc_id),
+    .rownnz = D(efc_J_rownnz), .rowadr = D(efc_J_rowadr), .colind = D(efc_J_colind), .jacobian = D(efc_J),
+    .pos = D(efc_pos), .vel = D(efc_vel), .aref = D(efc_aref), .softness = D(efc_R),
+    .law = D(efc_KBIP), .force = D(efc_force), .type = D(efc_type), .stiffness = D(efc_D),
+    .friction_loss = D(efc_frictionloss),
   };
 }
 
 int oarlock_cone(const mjData* d, int contact, double* mu, double* friction) {
-  const mjContact* c = d->contact + contact;
-  *mu = c->mu;
-  memcpy(friction, c->friction, 5 * sizeof(double));
-  return c->dim;
+  const mjContact* c = (const mjContact*)((const char*)*mjData_contact(d) + (int64_t)contact * at.contact_size);
+  *mu = *mjContact_contact_mu(c);
+  memcpy(friction, *mjContact_contact_friction(c), 5 * sizeof(double));
+  return *mjContact_contact_dim(c);
 }
 
 // The second half of mj_step.
 static void integrate(const mjModel* m, mjData* d) {
-  switch (m->opt.integrator) {
+  switch (M(integrator)) {
     case mjINT_RK4: api.mj_RungeKutta(m, d, 4); break;
     case mjINT_EULER: api.mj_Euler(m, d); break;
     default: api.mj_implicit(m, d); break;
@@ -219,11 +273,11 @@ static _Thread_local struct {
   void* self;
 } answering;
 
-static mjfGeneric replaced;
+static oarlock_generic replaced;
 
 static void on_control(const mjModel* m, mjData* d) {
   if (answering.control && answering.model == m) {
-    answering.control(answering.self, d->time, d->ctrl);
+    answering.control(answering.self, D(time), D(ctrl));
   } else if (replaced) {
     replaced(m, d);
   }
@@ -239,9 +293,9 @@ void oarlock_unhook(void) { *api.control = replaced; }
 
 // What MuJoCo's timers ask: a clock costs more than a stage of a small model. It is replaced, never cleared: other threads
 // may be between asking whether there is one and calling it.
-static mjfTime clock_replaced;
+static oarlock_clock clock_replaced;
 
-static mjtNum no_clock(void) { return 0; }
+static double no_clock(void) { return 0; }
 
 // The caller sees to it that calls of these two alternate.
 void oarlock_stop_timers(void) {

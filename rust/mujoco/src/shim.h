@@ -1,23 +1,25 @@
-// What library.rs sees of MuJoCo: pointers into mjModel and mjData, whose layout only a C compiler that has read their
-// headers knows, and calls that come back when MuJoCo reports an error.
+// What library.rs sees of MuJoCo: pointers into mjModel and mjData, whose layout is a row of layouts/table.h, and calls that
+// come back when MuJoCo reports an error.
 #ifndef OARLOCK_SHIM_H_
 #define OARLOCK_SHIM_H_
 
 #include <stdint.h>
-#include <mujoco/mujoco.h>
+
+#include "../layouts/fields.h"
+#include "../layouts/functions.h"
 
 #define OARLOCK_MESSAGE 1024  // size of a buffer for a message
 
 // Mirrored in library.rs, in this order.
 typedef struct {
   int64_t nq, nv, nu, na, nbody, njnt, ngeom, nsite, neq, ntendon, nwrap, nplugin;
-  int64_t sparse, staged;
+  int64_t sparse, staged, eq_data_width;
   double timestep;
   const int *mass_lengths, *mass_starts, *mass_columns;
   const int *body_parentid, *body_rootid, *body_dofadr, *body_dofnum, *jnt_type, *jnt_qposadr, *jnt_dofadr;
   const int *geom_bodyid, *site_bodyid, *eq_type, *eq_objtype, *eq_obj1id, *eq_obj2id;
   const int *tendon_adr, *tendon_num, *wrap_type, *wrap_objid;
-  const mjtBool* eq_active0;
+  const _Bool* eq_active0;
   const double *qpos0, *geom_size, *eq_data, *tendon_length0, *wrap_prm;
   double extent, center[3];
 } oarlock_model;
@@ -25,7 +27,7 @@ typedef struct {
 // The arrays of mjData that stay where they are.
 typedef struct {
   double *time, *energy, *qpos, *qvel, *act, *ctrl, *qacc, *qfrc_constraint;
-  mjtBool* eq_active;
+  _Bool* eq_active;
   const double *qfrc_smooth, *qacc_smooth, *mass, *mass_factor, *inverse_diagonal, *cvel, *cdof_dot;
   const double *subtree_com, *geom_xpos, *geom_xmat, *site_xpos, *ten_length, *ten_velocity, *wrap_xpos;
   const int *ten_wrapadr, *ten_wrapnum, *wrap_obj, *solver_niter;
@@ -53,13 +55,18 @@ enum {
   OARLOCK_STEP,
 };
 
-// Kinds whose numbers library.rs knows.
-_Static_assert(mjOBJ_GEOM == 5 && mjOBJ_SITE == 6 && mjOBJ_EQUALITY == 17 && mjOBJ_TENDON == 18, "mjtObj");
-_Static_assert(mjEQ_CONNECT == 0 && mjEQ_WELD == 1 && mjEQ_JOINT == 2 && mjEQ_TENDON == 3, "mjtEq");
-_Static_assert(mjCNSTR_FRICTION_DOF == 1 && mjCNSTR_FRICTION_TENDON == 2 && mjCNSTR_LIMIT_JOINT == 3, "mjtConstraint");
-_Static_assert(mjCNSTR_LIMIT_TENDON == 4 && mjCNSTR_CONTACT_ELLIPTIC == 7, "mjtConstraint");
-_Static_assert(mjWRAP_JOINT == 1 && mjWRAP_PULLEY == 2 && mjWRAP_SITE == 3 && mjWRAP_CYLINDER == 5, "mjtWrap");
-_Static_assert(mjNEQDATA == 12 && sizeof(mjtBool) == 1, "mjmodel.h");
+// Where one version of MuJoCo keeps what the shim reads: offsets in its structs, in the order of OARLOCK_FIELDS.
+typedef struct {
+  uint32_t version, eq_data_width, contact_size;
+#define OARLOCK_OFFSET(whole, field, type, name) uint32_t name;
+  OARLOCK_FIELDS(OARLOCK_OFFSET)
+#undef OARLOCK_OFFSET
+} oarlock_layout;
+
+// A field of MuJoCo's structs, for those who check a layout; mirrored in library.rs.
+typedef struct {
+  const char *whole, *field, *type;
+} oarlock_field;
 
 // Writes ctrl at a time; mirrored in library.rs.
 typedef void (*oarlock_control)(void* self, double time, double* ctrl);

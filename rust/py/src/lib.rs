@@ -24,7 +24,7 @@ mod _core {
     #[pymodule_export]
     use super::solver::{Info, MultiplierSolver, make_solver, solvers};
     #[pymodule_export]
-    use super::stepping::{Column, Run, Setup, advance_all, open_mujoco};
+    use super::stepping::{Column, Run, Setup, advance_all, mujoco_layout, mujoco_versions, open_mujoco};
     #[pymodule_export]
     use super::system::ConstrainedSystem;
     #[pymodule_export]

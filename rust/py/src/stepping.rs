@@ -35,10 +35,28 @@ fn form(name: &str) -> PyResult<Form> {
 
 /// Resolves the native step loops from MuJoCo's library at `path`, which 'import mujoco' must have loaded.
 ///
-/// Raises `InputError` if it is another version than the one that this was built against.
+/// Raises `InputError` if nothing is known of the layout of its version.
 #[pyfunction]
 pub fn open_mujoco(py: Python<'_>, path: &str) -> PyResult<()> {
     native::library::open(path).map_err(|error| raised(py, &error))
+}
+
+/// The versions of MuJoCo whose layouts are known, as `mj_version()` has them, oldest first.
+#[pyfunction]
+pub fn mujoco_versions() -> Vec<i32> {
+    native::library::versions()
+}
+
+/// Struct, field, type in C, and offset of a field.
+type Place = (&'static str, &'static str, &'static str, u32);
+
+/// The layout of a version of MuJoCo: struct, field, type in C and offset (bytes) of everything that the step loops read,
+/// the bytes of an mjContact, and mjNEQDATA. None where it is not known.
+#[pyfunction]
+pub fn mujoco_layout(version: i32) -> Option<(Vec<Place>, usize, usize)> {
+    let layout = native::library::layout(version)?;
+    let places = layout.places.iter().map(|one| (one.whole, one.field, one.kind, one.offset));
+    Some((places.collect(), layout.contact_size, layout.eq_data_width))
 }
 
 /// A prepared model at a consistent start, with its drive. The model is copied: later changes to it are not seen.
@@ -161,9 +179,11 @@ impl Setup {
         Run::of(py, experiments::free_mujoco(&self.inner, steps))
     }
 
-    /// A solver walks alone in a form; a projector may end its steps, and a solver may walk beside it with half the timestep,
-    /// which tells its error.
-    #[pyo3(signature = (steps, form_name, solver, projector=None, beside=None))]
+    /// A solver walks in a form; a projector may end its steps, and a solver may walk beside it with half the timestep,
+    /// which tells its error. Where it is judged, MuJoCo as configured walks beside it, and another solver says the
+    /// minimum-norm multipliers.
+    #[pyo3(signature = (steps, form_name, solver, projector=None, beside=None, judged=true))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn free_solved(
         &self,
         py: Python<'_>,
@@ -172,10 +192,11 @@ impl Setup {
         solver: SolverRef<'_>,
         projector: Option<SolverRef<'_>>,
         beside: Option<SolverRef<'_>>,
+        judged: bool,
     ) -> PyResult<Run> {
         let beside = beside.map(|solver| solver.fresh()).transpose()?;
         let (form, projector) = (form(form_name)?, self.projector(projector.as_deref())?);
-        Run::of(py, experiments::free_solved(&self.inner, form, solver.fresh()?, projector, beside, steps))
+        Run::of(py, experiments::free_solved(&self.inner, form, solver.fresh()?, projector, beside, judged, steps))
     }
 
     /// Where the time of a free run on exact constraints goes, as a dictionary: parts, by the order of a step, {part: (time in

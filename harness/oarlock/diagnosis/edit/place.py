@@ -4,6 +4,7 @@ from pathlib import Path
 
 from oarlock.base.errors import InputError
 from oarlock.base.files import destination, reason
+from oarlock.mechanics.given import COMPILED
 
 
 def folder_of(target: Path) -> Path | None:
@@ -29,10 +30,9 @@ def require_place(source: Path, out: Path) -> None:
     Raises:
         InputError: it is no MJCF file, or the place is its own or cannot be written to.
     """
-    if source.suffix == ".py":
-        raise InputError(
-            f"'{source}' is not an MJCF file (.xml): it builds its model by a script, expected MJCF to change"
-        )
+    if source.suffix in (".py", COMPILED):
+        what = "builds its model by a script" if source.suffix == ".py" else "stands for a compiled model"
+        raise InputError(f"'{source}' is not an MJCF file (.xml): it {what}, expected MJCF to change")
     if out.resolve() == source.resolve():
         raise InputError(f"'{out}' is the model itself, expected another file for its copy")
     folder_of(out)

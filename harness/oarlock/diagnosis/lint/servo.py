@@ -17,6 +17,7 @@ import numpy as np
 from oarlock.base.errors import few
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.lint.view import Remark, View
+from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
@@ -88,8 +89,7 @@ class Linear:
         self.h = float(model.opt.timestep)
         self.order = integrator_of(model).name
         nv, ne = model.nv, data.ne if loops else 0
-        mass = np.zeros((nv, nv))
-        mujoco.mj_fullM(model, data, mass)
+        mass = full_mass(model, data)
         if armature is not None:
             mass += np.diag(armature)
         self.mass, self.free = mass, np.linalg.inv(mass)

@@ -17,6 +17,7 @@ import numpy as np
 
 from oarlock.diagnosis.loops.walk import Place, Walk
 from oarlock.mechanics.coupled import coupled, coupled_ids
+from oarlock.mechanics.engine_version import tendon_dofs
 from oarlock.poses.assembly import Assembly
 from oarlock.poses.chart import Chart, arm_of, bounds
 from oarlock.poses.nearest import groups_of
@@ -128,8 +129,7 @@ def _tied(assembly: Assembly) -> set[int]:
         if not equality.kind.joins_points:
             found |= set(coupled(equality.kind).dofs(model, coupled_ids(model, equality.index)))
     for tendon in np.flatnonzero(model.tendon_limited):
-        first = int(model.ten_J_rowadr[tendon])
-        found |= set(model.ten_J_colind[first : first + int(model.ten_J_rownnz[tendon])].tolist())
+        found |= set(tendon_dofs(model, int(tendon)))
     return found
 
 

@@ -11,6 +11,7 @@ from oarlock.cases.case import load_case
 from oarlock.cases.motion import Motion
 from oarlock.diagnosis.loops.poses import nearest_closed
 from oarlock.diagnosis.loops.spread import Spread, spread
+from oarlock.mechanics.given import Model, path_of
 from oarlock.mechanics.load import load_model
 from oarlock.mechanics.names import coordinates, element_name
 from oarlock.poses.assembly import Assembly
@@ -35,19 +36,19 @@ Drawn = tuple[
 """As the attributes of ``Samples``, from ``qpos`` on."""
 
 
-def start_of(model: mujoco.MjModel | str | Path, keyframe: str | None) -> tuple[str, mujoco.MjModel, mujoco.MjData]:
+def start_of(model: Model, keyframe: str | None) -> tuple[str, mujoco.MjModel, mujoco.MjData]:
     """Its name, the model, and a data at its start: that of a case, else by the rule of ``stepping.beginning``.
 
     Raises:
         InputError: as ``sample``.
     """
-    if isinstance(model, mujoco.MjModel):
-        name, model = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MODEL, 0) or "a model", copy.copy(model)
-    elif Path(model).is_file():
-        name, model = str(model), load_model(Path(model))
+    path = path_of(model)
+    if Path(path).is_file():
+        name = str(model) if model is path else Path(path).stem
+        model = load_model(Path(path))
     else:
-        case = load_case(str(model))
-        name, model = str(model), load_model(case.model_path, case.parameters)
+        case = load_case(path)
+        name, model = str(path), load_model(case.model_path, case.parameters)
         if keyframe is None:
             dense = copy.copy(model)
             dense.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

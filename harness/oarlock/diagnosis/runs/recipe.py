@@ -25,6 +25,7 @@ from oarlock.diagnosis.runs.stability import RowSettings, stability
 from oarlock.diagnosis.runs.trials import Made, Setting, Start, Trial, disturbed
 from oarlock.diagnosis.runs.without import explicit
 from oarlock.mechanics.curvature import bends
+from oarlock.mechanics.engine_version import lacks_curvature
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.poses.layout import Layout
 
@@ -507,7 +508,7 @@ class _Search:
                 else f"smaller timesteps help, and no more than {CORRECTIONS} one after another are tried"
             )
         kind = worst.equality.kind
-        if kind.leaves_curvature_out and bends(self._model, worst.equality):
+        if lacks_curvature(kind) and bends(self._model, worst.equality):
             said.append(f"MuJoCo leaves J̇v out on rows of a {kind} equality, and no softness makes up for it")
         return "; ".join(said)
 

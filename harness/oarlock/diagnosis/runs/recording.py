@@ -16,19 +16,23 @@ from oarlock.diagnosis.runs.beside import Beside, find_beside
 from oarlock.diagnosis.runs.pushes import Push, Pushes
 from oarlock.diagnosis.runs.walking import (
     End,
+    StatesWalker,
     diverged,
     energy_error,
     other_power,
     own_copy,
     walk,
+    walk_states,
     warnings_of,
 )
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.curvature import Curvature
+from oarlock.mechanics.engine_version import diagonal_approx
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.mechanics.state_log import StateLog
 from oarlock.poses.layout import Layout, RowColumns
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import SolverSpec
@@ -39,6 +43,10 @@ BLOCK_BYTES = 32_000_000
 
 NOTHING = 1e-14
 """1/kg. A row with less on the diagonal of A is zero but for rounding, such as a planar loop's third one."""
+
+ASTRAY = 1e-2
+"""Part of the largest drift by which a step of the model may miss the next row of a log of states: beyond it the steps
+that were logged are not this model's, and what made them drift is not known."""
 
 NEGLIGIBLE = 1e-9
 """Of the largest R f of a step. Where a solver left less of the rows, its force counts as exact: of R (f − f*), which
@@ -57,7 +65,7 @@ class Recording:
         exact_force: f*: what a solver without error would give, (A + R)⁻¹ (aref − J a₀), with a₀ the acceleration
             without the loops' forces; beside limits, friction loss or contacts the solution of the whole problem.
         softness: R (``efc_R``); stiffness: K; damping: B; impedance: d (``efc_KBIP``).
-        diagonal_approx: MuJoCo's estimate of the diagonal of A (``efc_diagA``); diagonal: the true one.
+        diagonal_approx: MuJoCo's estimate of the diagonal of A (``diagonal_approx``); diagonal: the true one.
         aref: MuJoCo's reference acceleration; reached: J·qacc; curvature: J̇v.
         present: whether MuJoCo made the row.
         qacc_free: the acceleration of a₀, (steps, nv).
@@ -70,6 +78,7 @@ class Recording:
         pushes: what each limit, friction loss and contact did.
         beside: equalities whose reactions those leave open, at the last state in which any pushed.
         warnings: MuJoCo's own, with how often they came.
+        strayed: of a log of states, how far a step of this model from a row was from the next row at most, rad or m.
     """
 
     model: mujoco.MjModel
@@ -106,12 +115,24 @@ class Recording:
     pushes: tuple[Push, ...]
     beside: tuple[Beside, ...]
     warnings: dict[str, int]
+    strayed: float
     end: End
 
     @property
     def holds_force(self) -> bool:
         """Whether a step takes the constraint force as it was at its start."""
         return INTEGRATORS[self.integrator].holds_force
+
+    @property
+    def astray(self) -> str:
+        """Why a log of states is not taken for steps of this model; empty where it is, or where there is none."""
+        largest = float(self.drift.max(initial=0.0))
+        if self.strayed <= ASTRAY * largest:
+            return ""
+        return (
+            f"a step of this model from a row of the log misses the next one by up to {self.strayed:.2g}, for a drift "
+            f"of {largest:.2g}: forces that the log does not have, another model, or too few digits"
+        )
 
     @property
     def steps(self) -> int:
@@ -188,6 +209,7 @@ def record(
     steps: int,
     *,
     act: np.ndarray | None = None,
+    states: StateLog | None = None,
 ) -> Recording:
     """Runs MuJoCo as the user configured it: integrator, solver, cone and options are the model's.
 
@@ -198,6 +220,7 @@ def record(
         laws: actuator → law of time, as of ``controls.laws``.
         steps: how many.
         act: activations at the start, (na); zero if left out.
+        states: a log of the start and the steps, which then are gone through in place of MuJoCo's own.
 
     Raises:
         InputError: an active equality of a kind whose J̇v is not known, no equality row at all, or a wrong drive.
@@ -207,7 +230,7 @@ def record(
     data.qpos[:], data.qvel[:] = qpos, qvel
     if act is not None:
         data.act[:] = act
-    return _Recorder(own, data, steps).run(laws)
+    return _Recorder(own, data, steps).run(laws, states)
 
 
 class _Recorder:
@@ -242,13 +265,14 @@ class _Recorder:
         self._worked = False
         self._pushes = Pushes(model)
 
-    def run(self, laws: dict[str, str]) -> Recording:
+    def run(self, laws: dict[str, str], states: StateLog | None) -> Recording:
         model, data = self._model, self._data
         driven = drive(model, laws)
         self._worked = bool(driven.mocaps)
-        taken = 0
+        taken, logged = 0, StatesWalker(model, data, states) if states else None
+        steps = walk_states(logged, self._steps) if logged else walk(model, data, driven, self._steps)
         with np.errstate(all="ignore"), collected_warnings():  # of a run that diverges
-            for step in walk(model, data, driven, self._steps):
+            for step in steps:
                 self._take(step)
                 taken = step + 1
                 if taken - self._solved == self._block:
@@ -284,6 +308,7 @@ class _Recorder:
             pushes=self._pushes.found,
             beside=find_beside(model, data) if end.how == "finished" else (),
             warnings=warnings_of(data),
+            strayed=max(logged.strayed, default=0.0) if logged else 0.0,
             end=end,
         )
 
@@ -312,7 +337,7 @@ class _Recorder:
             ("force", data.efc_force),
             ("softness", data.efc_R),
             ("aref", data.efc_aref),
-            ("diagonal_approx", data.efc_diagA),
+            ("diagonal_approx", diagonal_approx(data)),
         ):
             rows[name][step, columns] = values[own]
         stiffness, damping, impedance, _ = data.efc_KBIP[own].T

@@ -33,6 +33,7 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.diagnosis.loops.gaps import widest
 from oarlock.diagnosis.runs.recording import Recording
+from oarlock.mechanics.engine_version import lacks_curvature
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.closing import close
@@ -182,7 +183,7 @@ def attribute(recording: Recording) -> Attribution:
 def curvature_missing(recording: Recording) -> np.ndarray:
     """The m of the row law, (steps, rows): J̇v on the rows where MuJoCo leaves it out of its reference acceleration."""
     kinds = [recording.layout.equalities[owner].kind for owner in recording.layout.owner]
-    return np.where([kind.leaves_curvature_out for kind in kinds], recording.curvature, 0.0)
+    return np.where([lacks_curvature(kind) for kind in kinds], recording.curvature, 0.0)
 
 
 def _solver_residue(recording: Recording) -> np.ndarray:

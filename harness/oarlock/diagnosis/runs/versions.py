@@ -4,6 +4,7 @@ import numpy as np
 
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.row_law import step_maps
+from oarlock.mechanics.engine_version import lacks_curvature
 
 OLDER = 3.0
 """Times the drift: so much more a version without J̇v must make of it to be worth a word."""
@@ -16,7 +17,8 @@ def without_curvature(recording: Recording) -> np.ndarray:
     which a drift of this size would change in turn.
     """
     h, layout = recording.timestep_s, recording.layout
-    ours = np.array([layout.equalities[owner].kind.mujoco_knows_curvature for owner in layout.owner], dtype=bool)
+    kinds = [layout.equalities[owner].kind for owner in layout.owner]
+    ours = np.array([kind.known and not lacks_curvature(kind) for kind in kinds], dtype=bool)
     found = np.zeros_like(recording.position)
     if not ours.any() or recording.steps < 2:
         return found

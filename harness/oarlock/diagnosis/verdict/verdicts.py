@@ -26,6 +26,7 @@ from oarlock.diagnosis.verdict import blame, motions
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
+from oarlock.mechanics.engine_version import SPARSE_NEWTON_ERRS
 from oarlock.mechanics.names import element_name
 
 _PAIRS = 3
@@ -291,7 +292,7 @@ def _settings(exam: Examination) -> Iterator[Finding]:
             said = f"solref {given[0]:g} {given[1]:g} is taken as {used[0]:g} {used[1]:g}, {why}"
             yield found("T4", exam.file, said, element=one.name, given=given[0], used=used[0])
     newton = exam.model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
-    if newton and mujoco.mj_isSparse(exam.model) and mujoco.__version__ == "4.0.0":
+    if newton and mujoco.mj_isSparse(exam.model) and SPARSE_NEWTON_ERRS:
         yield found("V2", exam.file, f"{exam.model.nv} degrees of freedom: the Jacobian is sparse")
 
 

@@ -6,6 +6,7 @@
 # title = "Newton, what its reader of MJCF keeps"
 # package = "newton"
 # questions = []
+# precisions = ["float32"]
 # equalities = ["connect", "weld", "joint"]
 # ///
 """Newton reads the MJCF by its own importer: what it keeps of masses and equalities is told, nothing is computed."""

@@ -198,7 +198,8 @@ impl Halved {
 
 struct FreeSolved {
     walker: ForcedWalker<SolvedForce>,
-    theirs: Companion,
+    /// MuJoCo as configured, and with it the judge of the multipliers; none where the walk alone is asked for.
+    theirs: Option<Companion>,
     halved: Option<Halved>,
     /// What is known of the question of the step.
     known: Info,
@@ -206,8 +207,8 @@ struct FreeSolved {
     steps: Steps,
 }
 
-/// A solver walks alone in a form, against MuJoCo as configured; another one may walk beside it with half the timestep, which
-/// tells its error.
+/// A solver walks in a form; another one may walk beside it with half the timestep, which tells its error. Where it is `judged`,
+/// so does MuJoCo as configured, and every multiplier is held against the minimum-norm ones of another solver.
 ///
 /// # Errors
 /// Those of [`ForcedWalker::new`] and [`State::new`].
@@ -217,6 +218,7 @@ pub fn free_solved(
     solver: Solver,
     projector: Option<Projector>,
     beside: Option<Solver>,
+    judged: bool,
     steps: usize,
 ) -> Result<Run, Error> {
     let nv = setup.model.nv();
@@ -225,7 +227,7 @@ pub fn free_solved(
     let own = Setup { model: Arc::new(setup.model.unsolved(setup.model.timestep())?), ..setup.clone() };
     let experiment = FreeSolved {
         walker: ForcedWalker::new(own.data()?, own.drive, force, projector)?,
-        theirs: Companion::new(setup)?,
+        theirs: judged.then(|| Companion::new(setup)).transpose()?,
         halved,
         known: Info::trivial(0.0),
         notes: Notes::new(setup),
@@ -248,14 +250,18 @@ impl Experiment for FreeSolved {
         let Self { walker, theirs, halved, known, notes, steps } = self;
         let (data, force) = (&mut walker.data, &mut walker.force);
         notes.state(steps, step, data, &force.state, data.qacc());
-        theirs.compare(steps, data.qpos())?;
+        if let Some(theirs) = theirs {
+            theirs.compare(steps, data.qpos())?;
+            let (multipliers, info) = force.system.reference(&*force.solver)?;
+            steps.float("min_norm_error", relative_difference(&force.answer.multipliers, multipliers));
+            *known = *info;
+        } else {
+            *known = force.answer.info;
+        }
         if let Some(halved) = halved {
             halved.compare(steps, notes.observed, data)?;
         }
         notes.free(steps, step, data)?;
-        let (multipliers, info) = force.system.reference(&*force.solver)?;
-        steps.float("min_norm_error", relative_difference(&force.answer.multipliers, multipliers));
-        *known = *info;
         if notes.inequalities {
             pushing(steps, force.state.others(), &force.inequalities);
         }

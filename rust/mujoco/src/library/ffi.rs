@@ -19,6 +19,7 @@ pub(super) struct ModelView {
     pub(super) nplugin: i64,
     pub(super) sparse: i64,
     pub(super) staged: i64,
+    pub(super) eq_data_width: i64,
     pub(super) timestep: f64,
     pub(super) mass_lengths: *const c_int,
     pub(super) mass_starts: *const c_int,
@@ -105,10 +106,25 @@ pub(super) struct RowsView {
     pub(super) friction_loss: *const f64,
 }
 
+/// A field of MuJoCo's structs, as in shim.h.
+#[repr(C)]
+pub(super) struct Field {
+    pub(super) whole: *const c_char,
+    pub(super) name: *const c_char,
+    pub(super) kind: *const c_char,
+}
+
 pub(super) type Control = extern "C" fn(*mut c_void, f64, *mut f64);
 
 unsafe extern "C" {
-    pub(super) safe fn oarlock_header_version() -> c_int;
+    pub(super) fn oarlock_versions(versions: *mut c_int, room: c_int) -> c_int;
+    pub(super) fn oarlock_describe(
+        version: c_int,
+        fields: *mut *const Field,
+        offsets: *mut *const u32,
+        contact_size: *mut c_int,
+        eq_data_width: *mut c_int,
+    ) -> c_int;
     pub(super) fn oarlock_open(
         path: *const c_char,
         version: *mut c_int,

@@ -69,8 +69,8 @@ arrays! { Model,
     qpos0: f64 = |m| size(m.view.nq);
     /// ngeom×3.
     geom_size: f64 = |m| 3 * size(m.view.ngeom);
-    /// neq×[`EQ_DATA`].
-    eq_data: f64 = |m| EQ_DATA * size(m.view.neq);
+    /// neq×[`eq_data_width`](Self::eq_data_width).
+    eq_data: f64 = |m| m.eq_data_width() * size(m.view.neq);
     /// ntendon.
     tendon_length0: f64 = |m| size(m.view.ntendon);
     /// Divisor of a pulley, coefficient of a joint, side site of a geom, nwrap.
@@ -108,9 +108,6 @@ pub enum Element {
     /// `mjOBJ_TENDON`.
     Tendon = 18,
 }
-
-/// Numbers that an equality has in `eq_data`: mjNEQDATA.
-pub const EQ_DATA: usize = 12;
 
 impl Model {
     /// A copy of the model at an address.
@@ -201,6 +198,12 @@ impl Model {
     #[must_use]
     pub fn nu(&self) -> usize {
         size(self.view.nu)
+    }
+
+    /// Numbers that an equality has in `eq_data`: mjNEQDATA.
+    #[must_use]
+    pub fn eq_data_width(&self) -> usize {
+        size(self.view.eq_data_width)
     }
 
     /// Timestep, s.

@@ -1,13 +1,17 @@
-//! Models for unit tests, compiled from MJCF by the library that lies beside the headers.
+//! Models for unit tests, compiled from MJCF by the library of the package `mujoco` of an interpreter: that which the
+//! extension is built for (`PYO3_PYTHON`), or `python3`.
 
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
-use std::ptr;
+use std::process::Command;
 use std::sync::{Arc, OnceLock};
+use std::{env, ptr};
 
 use super::{Data, Model, open};
 
-/// Found by the build script.
-const LIBRARY: Option<&str> = option_env!("OARLOCK_MUJOCO_LIBRARY");
+/// Prints the path of the library, without importing the package, which would map it.
+const FIND: &str = "import importlib.util as util, pathlib
+for folder in util.find_spec('mujoco').submodule_search_locations:
+    for path in pathlib.Path(folder).glob('libmujoco*'): print(path)";
 
 const RTLD_NOW: c_int = 2;
 const MESSAGE: usize = 1000;
@@ -29,16 +33,24 @@ struct Compiler {
     delete_model: Delete,
 }
 
+/// Where the library is.
+fn library() -> String {
+    let python = env::var_os("PYO3_PYTHON").unwrap_or_else(|| "python3".into());
+    let output = Command::new(&python).args(["-c", FIND]).output().expect("an interpreter");
+    let printed = String::from_utf8(output.stdout).expect("a path in UTF-8");
+    printed.lines().next().unwrap_or_else(|| panic!("{python:?} has no package mujoco")).to_owned()
+}
+
 /// Loads the library once, as `import mujoco` would.
 fn compiler() -> &'static Compiler {
     static COMPILER: OnceLock<Compiler> = OnceLock::new();
     COMPILER.get_or_init(|| {
-        let path = LIBRARY.expect("MuJoCo's library beside its headers, as in the package mujoco");
-        let name = CString::new(path).expect("a path without zeros");
+        let path = library();
+        let name = CString::new(path.as_str()).expect("a path without zeros");
         // SAFETY: a library of C; its initialisers ask for nothing.
         let library = unsafe { dlopen(name.as_ptr(), RTLD_NOW) };
         assert!(!library.is_null(), "{path} cannot be loaded");
-        open(path).expect("the version of the headers");
+        open(&path).expect("a version whose layout is known");
         let find = |name: &CStr| {
             // SAFETY: the library is never closed.
             let found = unsafe { dlsym(library, name.as_ptr()) };

@@ -1,0 +1,85 @@
+"""A controller is asked along MuJoCo's own run, and what it commands is a log like any other."""
+
+import mujoco
+import numpy as np
+import oarlock
+import pytest
+from mechanisms import four_bar
+from oarlock.base.errors import InputError
+from oarlock.mechanics.controller import commanded
+
+XML = four_bar(rest='<actuator><motor name="motor" joint="crank"/><motor name="idle" joint="rocker"/></actuator>')
+
+
+def follows(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Turns the crank after a sine: a servo of its own."""
+    wanted = 0.3 * np.sin(5.0 * data.time)
+    data.ctrl[0] = 2.0 * (wanted - data.qpos[0]) - 0.1 * data.qvel[0]
+
+
+def log_of(path, steps):
+    """What ``follows`` commands in a loop as anybody would write it."""
+    model = mujoco.MjModel.from_xml_string(XML)
+    data = mujoco.MjData(model)
+    rows = []
+    for _ in range(steps):
+        follows(model, data)
+        rows.append((data.time, data.ctrl[0]))
+        mujoco.mj_step(model, data)
+    np.savez(path, time=[row[0] for row in rows], motor=[row[1] for row in rows])
+    return str(path)
+
+
+def test_it_is_the_log_of_the_loop_that_it_drives(tmp_path):
+    log = log_of(tmp_path / "log.npz", 50)
+    timestep = mujoco.MjModel.from_xml_string(XML).opt.timestep
+    checks = [
+        oarlock.check(XML, duration=50 * timestep, budget=0, **given)
+        for given in ({"control": follows}, {"controls": log})
+    ]
+    assert checks[0].drift.equals(checks[1].drift)
+    assert np.array_equal(checks[0].examination.recording.ctrl, checks[1].examination.recording.ctrl)
+    assert np.abs(checks[0].examination.recording.ctrl[:, 0]).max() > 0.1
+    assert "controls of follows, along MuJoCo's own run" in str(checks[0].document())
+    asked = {"mode": "free", "solver": ["mujoco", "auto"], "form": "hard", "duration": 50 * timestep}
+    runs = [oarlock.run(XML, **asked, **given) for given in ({"control": follows}, {"controls": log})]
+    tables = [run.steps.drop("step_us", "solve_ns") for run in runs]
+    assert tables[0].equals(tables[1])
+    assert "follows" in runs[0].motion
+
+
+def test_what_it_never_moves_is_left_alone():
+    model = mujoco.MjModel.from_xml_string(XML)
+    start = model.qpos0.copy(), np.zeros(model.nv), np.zeros(0)
+    laws, _ = commanded(model, start, follows, 20)
+    assert list(laws) == ["motor"]
+    assert laws.held
+
+
+def raises(model, data):
+    raise KeyError("gain")
+
+
+def blows_up(model, data):
+    data.ctrl[1] = np.nan if data.time > 0.003 else 0.0
+
+
+@pytest.mark.parametrize(
+    ("control", "line"),
+    [
+        (raises, "control = raises raises KeyError at t = 0 s: 'gain'"),
+        (blows_up, "control = blows_up gives nan for actuator 'idle' at t = 0.00"),
+        (3, "control = 3, expected actuator → control, or a controller"),
+    ],
+)
+def test_what_a_controller_does_wrong_is_one_line(control, line):
+    for ask in (oarlock.check, oarlock.run):
+        with pytest.raises(InputError, match=line):
+            ask(XML, control=control, duration=0.05)
+
+
+def test_a_controller_is_alone(tmp_path):
+    with pytest.raises(InputError, match="controls = 'random' besides a controller, expected one of the two"):
+        oarlock.check(XML, control=follows, controls="random")
+    with pytest.raises(InputError, match="the model has no actuators"):
+        oarlock.check(four_bar(), control=follows)
