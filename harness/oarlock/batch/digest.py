@@ -30,7 +30,7 @@ _HARNESS = Path(__file__).parents[1]
 @functools.cache
 def program() -> str:
     """Computes the digest of what computes: the compiled core, the rooms, the versions and the kind of machine."""
-    sources = {name: _code(path) for name, path in _sources(COMPUTING).items()}
+    sources = code_of(COMPUTING)
     sources["unit"] = _code(Path(__file__).with_name("unit.py"))
     versions = {name: importlib.metadata.version(name) for name in ("mujoco", "numpy", "scipy")}
     compiled = of_file(Path(core.FILE))
@@ -43,6 +43,11 @@ def presentation() -> str:
     sources = {name: of_file(path) for name, path in _sources(PRESENTING).items()}
     sources |= {path.name: of_file(path) for path in sorted(_HARNESS.glob("render/templates/*"))}
     return of_document([sources, [importlib.metadata.version(name) for name in ("altair", "vl-convert-python")]])
+
+
+def code_of(rooms: Sequence[str]) -> dict[str, str]:
+    """Computes the digests of the sources of some rooms, without comments, docstrings and layout."""
+    return {name: _code(path) for name, path in _sources(rooms).items()}
 
 
 def _sources(rooms: Sequence[str]) -> dict[str, Path]:

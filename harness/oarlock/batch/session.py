@@ -117,7 +117,10 @@ def _carried_out(
         for name, lacking in found.skipped.items():
             progress.note(f"skipped: {name} has no parameter {few(lacking)}")
     folders = [Path(out), *(member.folder.path for member in found.members if not member.refused)]
-    with locked(folders, "oarlock suite", progress.note), _workers(jobs, scheduler, limit, progress) as (units, pages):
+    with (
+        locked(folders, "oarlock suite", progress.note),
+        workers_of(jobs, scheduler, limit, progress) as (units, pages),
+    ):
         refuse_others(found)
         if left := sweep_up([*folders, *_inside(folders), *_pages(report)]):
             progress.note(left)
@@ -136,10 +139,17 @@ def _pages(report: str | Path | None) -> list[Path]:
 
 
 @contextmanager
-def _workers(
+def workers_of(
     jobs: int | None, scheduler: str | None, limit_s: float | None, progress: Progress
 ) -> Iterator[tuple[Workers, Workers]]:
-    """Who does the units and who makes the pages, which are files here."""
+    """Who does the units and who makes the pages, which are files here.
+
+    Args:
+        jobs: units at once; one a core if left out.
+        scheduler: address of a dask.distributed scheduler, or ``local``; None for processes of this machine.
+        limit_s: time that a unit may be in work without a beat of its pulse, s; None for ever.
+        progress: is told of what is worth knowing.
+    """
     require_count("jobs", jobs)
     if scheduler is None:
         with closing(LocalWorkers(jobs or cores(), limit_s)) as local:

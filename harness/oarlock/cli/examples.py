@@ -13,6 +13,9 @@ EXAMPLES = {
     "sample": "oarlock sample four_bar -n 100 -o poses.npz",
     "explain": "oarlock explain D1",
     "solvers": "oarlock solvers --json",
+    "conform": "oarlock conform four_bar stewart --engine mujoco@3.6 --engine mjx --install",
+    "versions": "oarlock versions four_bar stewart --mujoco 3.3.7,3.6,3.7,4.0 --install",
+    "export": "oarlock export four_bar --for pinocchio -o four_bar_pinocchio.xml",
     "export-problems": "oarlock export-problems boat --duration 0.1 -o boat.npz",
 }
 """Name of a command → an example."""

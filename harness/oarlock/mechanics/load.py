@@ -39,7 +39,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None, *, close
             require_moderate(path)
         with collected_warnings() as said:
             if path.suffix == ".py":
-                model = _build(path, parameters or {}).compile()
+                model = build_spec(path, parameters or {}).compile()
             elif path.suffix == COMPILED:
                 model = compiled_at(path)
             else:
@@ -157,8 +157,12 @@ def _require_sound(path: Path, model: mujoco.MjModel) -> None:
         raise InputError(f"{path}: a name holds the byte {error.object[error.start]:#x}, expected UTF-8") from None
 
 
-def _build(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
-    """Runs a ``model.py``. An error in it becomes one line that names the call."""
+def build_spec(path: Path, parameters: dict[str, Number]) -> mujoco.MjSpec:
+    """Runs a ``model.py``. An error in it becomes one line that names the call.
+
+    Raises:
+        InputError: it is not as expected, or refuses the parameters.
+    """
     refuse_code(path)
     module = ModuleType(f"model of {path.parent.name}")
     module.__file__ = str(path)

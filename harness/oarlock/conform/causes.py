@@ -1,0 +1,199 @@
+"""Why an engine's answer differs: the difference vanishes when the cause is taken out of our own solution.
+
+Laws are tried in the order of how little they change. The first under which every state agrees, within what the
+engine's precision explains, is the cause; nothing is looked up by the name of an engine. Where none is, the difference
+is unexplained, and the nearest law is named.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from oarlock.base.errors import InputError, few
+from oarlock.base.numbers import short
+from oarlock.base.text import quoted
+from oarlock.conform.laws import CONES, EXACT, MUJOCO, Law, Laws, apart, scale
+from oarlock.conform.precision import allowance
+from oarlock.engines.answers import Answer
+
+AGREES, UNEXPLAINED, READER, FAILED, SILENT = "agrees", "unexplained", "reader", "failed", "not expressible"
+
+FIRST = 6
+"""States that a law is tried on before all are: most laws fail at once."""
+
+MASS_APART = 1e-6
+"""Relative difference of masses that is none: of a mass in single precision, read from a text of six digits."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What explains an engine's answers.
+
+    Attributes:
+        name: causes joined by ``+``: ``agrees``, ``exact``, ``jdotv``, ``rows``, ``cone``, ``mass``, ``compiled``,
+            ``float32``, ``history`` (asked once more it answers otherwise); or ``unexplained``, ``reader``,
+            ``not expressible``, ``failed``.
+        text: in words.
+        left: largest relative difference of q̈ that is left once the cause is taken out; None where nothing is compared.
+        allowed: the largest of what the precision explains; None likewise.
+    """
+
+    name: str
+    text: str
+    left: float | None = None
+    allowed: float | None = None
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"cause": self.name, "verdict": self.text, "left": self.left, "allowed": self.allowed}
+
+
+def is_single(answer: Answer) -> bool:
+    """Whether every number of the accelerations is one of single precision: that is measured, whatever it says."""
+    values = answer.qacc
+    return bool(values.size and np.abs(values).max() > 0.0 and np.array_equal(values, values.astype(np.float32)))
+
+
+def tell(laws: Laws, answer: Answer) -> Cause:
+    """Tells the cause of an answer to the states, and whether it depends on what was asked before."""
+    single = is_single(answer)
+    allowed = allowance(laws, laws.solve(MUJOCO), single)
+    cause = _tell(laws, answer, allowed, single)
+    again = answer.qacc_again
+    if again is None or not (apart(again, replace(laws.solve(MUJOCO), qacc=answer.qacc)) > allowed).any():
+        return cause
+    other = _tell(laws, replace(answer, qacc=again), allowed, single)
+    return replace(cause, name=f"{cause.name}+history", text=f"{cause.text}; asked once more: {other.text}")
+
+
+def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Cause:
+    first, sizes = np.arange(min(FIRST, len(laws.states))), scale(laws.solve(MUJOCO))
+    nearest: tuple[float, Law] | None = None
+    for law in candidates(laws, answer):
+        try:
+            part = apart(answer.qacc[first], laws.solve(law, first), sizes[first])
+        except InputError:
+            continue
+        if (part > allowed[first]).any():
+            if nearest is None or part.max() < nearest[0]:
+                nearest = float(part.max()), law
+            continue
+        left = apart(answer.qacc, laws.solve(law), sizes)
+        if not (left > allowed).any():
+            return _explained(law, left, allowed, single)
+        if nearest is None or left.max() < nearest[0]:
+            nearest = float(left.max()), law
+    assert nearest is not None
+    difference, law = nearest
+    said = f"unexplained: {short(difference)} is left even with {words(law) or 'our own solution as it is'}"
+    return Cause(UNEXPLAINED, said, difference, float(allowed.max()))
+
+
+def _explained(law: Law, left: np.ndarray, allowed: np.ndarray, single: bool) -> Cause:
+    names = [name for name, changed in _changes(law).items() if changed] or [AGREES]
+    text = words(law) or "as MuJoCo"
+    if single:
+        names.append("float32")
+        text += ", within float32"
+    return Cause("+".join(names), text, float(left.max()), float(allowed.max()))
+
+
+def _changes(law: Law) -> dict[str, bool]:
+    return {
+        "exact": law.rigid,
+        "jdotv": not law.curvature,
+        "rows": bool(law.without),
+        "cone": bool(law.cone),
+        "mass": bool(law.masses),
+        "compiled": bool(law.arrays),
+    }
+
+
+def words(law: Law) -> str:
+    """How a law differs from MuJoCo's; empty if it does not."""
+    said = []
+    if law.rigid:
+        said.append("exact rows, no softness")
+    if not law.curvature:
+        said.append("no J̇v")
+    if law.without:
+        said.append(f"without {few([quoted(name) for name in law.without])}")
+    if law.cone:
+        said.append(f"{law.cone} friction cone")
+    if law.arrays:
+        said.append(f"{few([name for name, _ in law.arrays])} compiled otherwise")
+    if law.masses:
+        said.append(f"other mass of {few([quoted(name) for name, _ in law.masses])}")
+    return ", ".join(said)
+
+
+def candidates(laws: Laws, answer: Answer) -> Iterator[Law]:
+    """The laws that are tried, those with fewer changes first."""
+    forms = [MUJOCO, EXACT, Law(curvature=False), Law(rigid=True, curvature=False)]
+    yield from forms
+    changes: list[dict[str, Any]] = []
+    own_cone = int(laws.model.opt.cone)
+    changes += [{"cone": name} for name, cone in CONES.items() if int(cone) != own_cone]
+    masses = other_masses(laws, answer)
+    changes += [{"arrays": arrays} for arrays in _other_arrays(answer)]
+    changes += [{"masses": masses}] if masses else []
+    changes += [{"without": names} for names in _left_out(laws, answer)]
+    for change in changes:
+        for form in forms:
+            yield replace(form, **change)
+    if masses:
+        for names in _left_out(laws, answer):
+            for form in forms:
+                yield replace(form, masses=masses, without=names)
+
+
+def other_masses(laws: Laws, answer: Answer) -> tuple[tuple[str, float], ...]:
+    """Bodies of which the engine says that they have another mass: (name, kg)."""
+    told = answer.facts.get("body_masses")
+    if not isinstance(told, dict):
+        return ()
+    own = laws.masses()
+    pairs = ((name, own[name], float(mass)) for name, mass in told.items() if name in own)
+    return tuple((name, mass) for name, true, mass in pairs if abs(mass - true) > MASS_APART * max(true, MASS_APART))
+
+
+def _other_arrays(answer: Answer) -> list[tuple[tuple[str, tuple[float, ...]], ...]]:
+    """Arrays that the engine's compiler made otherwise, as it says: each alone, and all."""
+    told = answer.facts.get("compiled_apart")
+    if not isinstance(told, dict) or not told:
+        return []
+    pairs = [(name, tuple(map(float, values))) for name, values in told.items() if isinstance(values, list)]
+    return [*((pair,) for pair in pairs), *([tuple(pairs)] if len(pairs) > 1 else [])]
+
+
+def _left_out(laws: Laws, answer: Answer) -> list[tuple[str, ...]]:
+    """Sets of equalities that may have been left out: those it says, single ones, those of a kind, all."""
+    names = [one.name for one in laws.equalities]
+    told = [one["element"] for one in answer.not_expressible]
+    said = tuple(name for name in names if any(f"'{name}'" in element for element in told))
+    kept = answer.facts.get("equalities")
+    unkept = tuple(name for name in names if name not in kept) if isinstance(kept, list) else ()
+    kinds = dict.fromkeys(one.kind.name for one in laws.equalities)
+    of_kind = [tuple(one.name for one in laws.equalities if one.kind.name == kind) for kind in kinds]
+    sets = [said, unkept, *((name,) for name in names), *of_kind, tuple(names)]
+    return list(dict.fromkeys(one for one in sets if one))
+
+
+def tell_reader(laws: Laws, answer: Answer, rows: int) -> Cause:
+    """Tells what a reader lost, from the facts of an engine that is asked about no state."""
+    said = []
+    own, told = sum(laws.masses().values()), answer.facts.get("total_mass")
+    names = []
+    if isinstance(told, int | float) and abs(told - own) > MASS_APART * own:
+        lost = few([quoted(name) for name, _ in other_masses(laws, answer)])
+        said.append(f"mass {short(float(told))} kg of {short(own)} kg" + (f" ({lost})" if lost else ""))
+        names.append("mass")
+    kept = answer.facts.get("rows")
+    if isinstance(kept, int) and kept != rows:
+        said.append(f"{kept} of {rows} equality rows kept")
+        names.append("rows")
+    told_all = isinstance(told, int | float) and isinstance(kept, int)
+    text = "; ".join(said) or ("its reader keeps masses and rows" if told_all else "its reader tells nothing")
+    return Cause("+".join(["reader", *names]), f"on import: {text}" if said else text)

@@ -1,0 +1,110 @@
+"""What is measured of an engine's answers to one model: differences, drift, cause. A row of the matrix."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from oarlock.base.numbers import finite
+from oarlock.conform.causes import SILENT, Cause, is_single, tell, tell_reader
+from oarlock.conform.laws import EXACT, MUJOCO, Laws, apart, forces_apart, opening
+from oarlock.conform.states import Plan
+from oarlock.engines.answers import Answer
+
+FIGURES = {
+    "qacc_mujoco": "worst ‖Δq̈‖ to MuJoCo",
+    "qacc_exact": "worst ‖Δq̈‖ to exact",
+    "qacc_rest": "worst ‖Δq̈‖ to MuJoCo at rest",
+    "difference": "worst ‖Δq̈‖ to the nearer",
+    "force_mujoco": "worst ‖ΔJᵀλ‖ to MuJoCo",
+    "force_exact": "worst ‖ΔJᵀλ‖ to exact",
+    "step_mujoco": "worst Δq̇ of a step",
+    "drift_max": "largest gap of the run",
+    "drift_end": "gap at its end",
+    "apart_mujoco": "end apart from MuJoCo",
+    "apart_exact": "end apart from exact",
+}
+"""Figure of a row → its heading; relative but for the gaps and ends, m or rad."""
+
+
+def measure(laws: Laws, plan: Plan, answers: dict[str, Answer]) -> dict[str, Any]:
+    """The row of a model and an engine.
+
+    Args:
+        laws: of the model and its states.
+        plan: of the model.
+        answers: question → answer.
+    """
+    row: dict[str, Any] = {"model": plan.name, **dict.fromkeys(FIGURES)}
+    first = next(iter(answers.values()))
+    stated = next((answers[one] for one in ("step", "forward") if one in answers and answers[one].expressible), None)
+    facts = (stated or first).facts
+    row |= {"versions": first.versions, "precision": first.precision, "facts": _brief(facts)}
+    row |= {"not_expressible": first.not_expressible, "expected": _expected(laws)}
+    if stated is not None:
+        row |= _of_states(laws, plan, stated, "step" in answers and answers["step"].expressible)
+        cause = tell(laws, stated)
+    elif "rows" in facts or "total_mass" in facts:
+        cause = tell_reader(laws, first, row["expected"]["rows"])
+    else:
+        cause = Cause(SILENT, _silent(first))
+    run = answers.get("run")
+    if run is not None and run.expressible:
+        row |= _of_run(laws.model, plan, run)
+    return {name: finite(value) for name, value in (row | cause.document()).items()}
+
+
+def _silent(answer: Answer) -> str:
+    told = [f"{one['element']} ({one['why']})" for one in answer.not_expressible]
+    return f"not expressible: {'; '.join(told[:2])}" + (f" and {len(told) - 2} more" if len(told) > 2 else "")
+
+
+def _brief(facts: dict[str, Any]) -> dict[str, Any]:
+    told = {name: value for name, value in facts.items() if name not in ("body_masses", "equalities")}
+    apart_by = told.get("compiled_apart")
+    return {**told, "compiled_apart": sorted(apart_by)} if isinstance(apart_by, dict) else told
+
+
+def _expected(laws: Laws) -> dict[str, Any]:
+    data = mujoco.MjData(laws.model)
+    laws.place(data, 0)
+    mujoco.mj_forward(laws.model, data)
+    return {"rows": int(data.ne), "total_mass": float(laws.model.body_mass.sum())}
+
+
+def _of_states(laws: Laws, plan: Plan, answer: Answer, stepped: bool) -> dict[str, Any]:
+    own, exact = laws.installed(), laws.solve(EXACT)
+    moving = np.array(plan.moving)
+    to_mujoco, to_exact = apart(answer.qacc, own), apart(answer.qacc, exact)
+    worst = {"qacc_mujoco": float(to_mujoco.max()), "qacc_exact": float(to_exact.max())}
+    found: dict[str, Any] = {
+        **worst,
+        "difference": min(worst.values()),
+        "qacc_rest": float(to_mujoco[~moving].max()) if (~moving).any() else None,
+        "force_mujoco": float(forces_apart(answer.qfrc_constraint, own).max()),
+        "force_exact": float(forces_apart(answer.qfrc_constraint, exact).max()),
+        "single": is_single(answer),
+        "mujoco_to_law": float(apart(own.qacc, laws.solve(MUJOCO)).max()),
+    }
+    if stepped:
+        _, qvel = laws.stepped()
+        change = np.linalg.norm(qvel - laws.states.qvel, axis=1)
+        found["step_mujoco"] = float((np.linalg.norm(answer.qvel - qvel, axis=1) / np.maximum(change, 1e-12)).max())
+    return found
+
+
+def _of_run(model: mujoco.MjModel, plan: Plan, answer: Answer) -> dict[str, Any]:
+    gaps = opening(model, answer.qpos)
+    widest = max(float(gaps.max()), float(answer.loop_error.max()) if answer.loop_error is not None else 0.0)
+    found: dict[str, Any] = {"drift_max": widest, "drift_end": float(gaps[-1])}
+    found["apart_mujoco"] = _apart(model, answer.qpos[-1], np.array(plan.mujoco_end))
+    if plan.exact_end is not None:
+        found["apart_exact"] = _apart(model, answer.qpos[-1], np.array(plan.exact_end))
+    return found
+
+
+def _apart(model: mujoco.MjModel, qpos: np.ndarray, other: np.ndarray) -> float:
+    """Largest difference of two positions (nq) in any coordinate, rad or m."""
+    apart_by = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, apart_by, 1.0, np.array(other), np.array(qpos))
+    return float(np.abs(apart_by).max(initial=0.0))

@@ -1,0 +1,74 @@
+"""Versions of MuJoCo beside each other: the largest gap of a run, what changed at which version, and why."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+from oarlock.base.errors import InputError
+from oarlock.base.numbers import short
+from oarlock.conform.session import Matrix, conform
+from oarlock.conform.states import RUN_S
+
+ENGINE = "mujoco"
+
+CHANGED = 1e-2
+"""Relative change of the largest gap that counts: runs that are chaotic differ by less from rounding alone in 2 s."""
+
+
+def compare_versions(models: Sequence[str], versions: str, **options: Any) -> Matrix:
+    """Asks versions of MuJoCo about models; options as of ``conform``.
+
+    Args:
+        models: models, variants or MJCF files.
+        versions: separated by commas.
+        options: as of ``conform``.
+
+    Raises:
+        InputError: as ``conform``, or no versions.
+    """
+    named = [version.strip() for version in versions.split(",") if version.strip()]
+    if not named:
+        raise InputError(f"versions '{versions}', expected some, such as 3.6,3.7")
+    return conform(models, [f"{ENGINE}@{version}" for version in named], **options)
+
+
+def version_of(row: dict[str, Any]) -> str:
+    """The version that answered."""
+    return str(row["versions"].get(ENGINE, row["engine"]))
+
+
+def table(rows: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Version → model → largest gap of its rows in the run, m or rad."""
+    found: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        found.setdefault(version_of(row), {})[row["model"]] = row["drift_max"]
+    return found
+
+
+def changes(rows: list[dict[str, Any]]) -> list[str]:
+    """What changed from one version to the next, a line each model and step; one line where nothing did."""
+    said = []
+    models = dict.fromkeys(row["model"] for row in rows)
+    for model in models:
+        own = [row for row in rows if row["model"] == model]
+        for before, after in pairwise(own):
+            if line := _change(before, after):
+                said.append(f"{model}: {line}")
+    return said or [f"nothing changed for {', '.join(models)} in the first {RUN_S:g} s"]
+
+
+def _change(before: dict[str, Any], after: dict[str, Any]) -> str:
+    told = []
+    if before["cause"] != after["cause"]:
+        told.append(f"at the same states {before['verdict']} before, {after['verdict']} after")
+    known = [row["facts"].get("jdotv") for row in (before, after)]
+    if known[0] != known[1] and "unknown" not in known:
+        words = {True: "holds −J̇v", False: "holds no J̇v"}
+        told.append(f"aref of connects and welds {words[known[0]]} before, {words[known[1]]} after, as measured")
+    gaps = before["drift_max"], after["drift_max"]
+    if None not in gaps and abs(gaps[1] - gaps[0]) > CHANGED * min(gaps):
+        factor = max(gaps) / max(min(gaps), 1e-300)
+        told.append(f"largest gap {short(gaps[0])} → {short(gaps[1])}, a factor of {factor:.3g}")
+    if not told:
+        return ""
+    return f"{version_of(before)} → {version_of(after)}: {'; '.join(told)}"

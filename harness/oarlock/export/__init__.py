@@ -1,0 +1,1 @@
+"""``oarlock export``: a plain MJCF that readers of other engines get right."""
