@@ -61,6 +61,19 @@ fuzz:
 bench: setup
 	$(CARGO) bench --locked --quiet -p oarlock-core
 
+.PHONY: site rustdoc
+
+# The documentation as pages, in build/site: offline, and strict about links.
+site: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+# That of the crates, private items too, beside it.
+rustdoc:
+	$(CARGO) doc --locked --no-deps --workspace --document-private-items
+	mkdir -p build/site
+	rm -rf build/site/rustdoc
+	cp -r target/doc build/site/rustdoc
+
 lint: setup
 	$(CARGO) fmt --check
 	$(CARGO) clippy --locked --workspace --all-targets -- -D warnings
