@@ -26,7 +26,10 @@ fn main() -> Result<(), Error> {
         converged += u32::from(info.status.name() == "converged");
         gap = gap.max(distance(&mut system, &x, &least)?);
     }
-    println!("{converged} of {STEPS} solves converged, in {:.1} sweeps on average", iterations as f64 / f64::from(STEPS));
+    println!(
+        "{converged} of {STEPS} solves converged, in {:.1} sweeps on average",
+        iterations as f64 / f64::from(STEPS)
+    );
     println!("largest difference of an acceleration, relative: {gap:.1e}");
     Ok(())
 }
