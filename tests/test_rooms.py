@@ -42,8 +42,8 @@ def test_every_folder_of_sources_is_a_package():
     assert [folder for folder in folders if not (folder / "__init__.py").is_file()] == []
 
 
-BESIDE_ROOMS = {"docs"}
-"""Folders of tests of what is no room: documents with their examples."""
+BESIDE_ROOMS = {"docs", "packaging"}
+"""Folders of tests of what is no room: documents with their examples, and what is handed out."""
 
 
 def test_tests_mirror_the_rooms():
