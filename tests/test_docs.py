@@ -39,7 +39,10 @@ def folders() -> set[Path]:
     rooms = {path.parent for path in PACKAGE.glob("**/__init__.py")} - {PACKAGE}
     crates = {path.parent for path in REPOSITORY.glob("rust/*/Cargo.toml")}
     core = {path.with_suffix("") for path in (REPOSITORY / "rust" / "core" / "src").glob("*.rs")}
-    top = {REPOSITORY / name for name in ("harness/oarlock", "mjcf", "tests", "reports", "docs", ".ci")}
+    top = {
+        REPOSITORY / name
+        for name in ("harness/oarlock", "mjcf", "tests", "reports", "docs", "examples", "paper", ".ci")
+    }
     return rooms | crates | {path for path in core if path.is_dir()} | top
 
 
