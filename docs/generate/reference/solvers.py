@@ -7,7 +7,8 @@ from text import page as written
 HEAD = """\
 Names for `--solver NAME[:key=value,…]`, for `solvers` in `case.toml` and for `oarlock.make_solver(NAME,
 key=value)`. Which one to take when, and what the promise `converged` means, is in [the
-theory](../theory.md#solvers); a solver of your own is a file in Rust ([how](../how-to/own-solver.md))."""
+theory](../theory.md#solvers); one of your own is a function in
+Python or a file in Rust ([how](../how-to/own-solver.md))."""
 
 MEANINGS = {
     "rank_cut": "eigenvalues (or pivots) below this part of the largest of their block count as zero",
