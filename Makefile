@@ -12,6 +12,10 @@ RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rus
 # For which interpreter the extension is built, and whose MuJoCo unit tests in Rust load.
 export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
+# What a wheel says of when and where it was made: the date of the commit, and no path of this machine.
+export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 315532800)
+WHEEL_FLAGS := --remap-path-prefix=$(CURDIR)=/oarlock --remap-path-prefix=$(or $(CARGO_HOME),$(HOME)/.cargo)=/cargo
+
 SECONDS ?= 60
 HOST = $(shell rustc --print host-tuple)
 # Coverage for libFuzzer, as cargo-fuzz asks for it; with an explicit --target, build scripts go without.
@@ -60,6 +64,28 @@ fuzz:
 
 bench: setup
 	$(CARGO) bench --locked --quiet -p oarlock-core
+
+.PHONY: site rustdoc wheel sdist
+
+# The documentation as pages, in build/site: offline, and strict about links.
+site: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+# That of the crates, private items too, beside it.
+rustdoc:
+	$(CARGO) doc --locked --no-deps --workspace --document-private-items
+	mkdir -p build/site
+	rm -rf build/site/rustdoc
+	cp -r target/doc build/site/rustdoc
+
+# For every Python from 3.11 on this system; maturin writes the oldest manylinux that the compiler's libraries allow.
+wheel: setup
+	rm -rf dist/*.whl
+	RUSTFLAGS="$(WHEEL_FLAGS)" CARGO_TARGET_DIR=target/wheel $(BIN)/maturin build --release --locked --out dist
+
+sdist: setup
+	rm -rf dist/*.tar.gz
+	$(BIN)/maturin sdist --out dist
 
 lint: setup
 	$(CARGO) fmt --check

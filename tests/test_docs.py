@@ -14,8 +14,9 @@ PACKAGE = REPOSITORY / "harness" / "oarlock"
 DECISIONS = REPOSITORY / "docs" / "decisions"
 DOCUMENTS = [
     *(REPOSITORY / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md", "CHANGELOG.md", "SECURITY.md")),
-    *sorted((REPOSITORY / "docs").glob("**/*.md")),
+    *sorted(DECISIONS.glob("*.md")),
 ]
+"""Documents whose links lead to files of the repository; those of the site are held by tests/docs."""
 
 
 def text(path: Path) -> str:
@@ -38,7 +39,10 @@ def folders() -> set[Path]:
     rooms = {path.parent for path in PACKAGE.glob("**/__init__.py")} - {PACKAGE}
     crates = {path.parent for path in REPOSITORY.glob("rust/*/Cargo.toml")}
     core = {path.with_suffix("") for path in (REPOSITORY / "rust" / "core" / "src").glob("*.rs")}
-    top = {REPOSITORY / name for name in ("harness/oarlock", "mjcf", "tests", "reports", "docs", ".ci")}
+    top = {
+        REPOSITORY / name
+        for name in ("harness/oarlock", "mjcf", "tests", "reports", "docs", "examples", "paper", ".ci")
+    }
     return rooms | crates | {path for path in core if path.is_dir()} | top
 
 
@@ -120,7 +124,8 @@ def test_links_lead_somewhere(path):
 def code(path: Path) -> str:
     """Fenced and indented blocks, and what stands in backquotes."""
     lines = [line for line in text(path).splitlines() if line.startswith("    ")]
-    return "\n".join([*lines, *re.findall(r"`([^`\n]+)`", text(path))])
+    fenced = re.findall(r"^```\w+\n(.*?)^```", text(path), re.MULTILINE | re.DOTALL)
+    return "\n".join([*lines, *fenced, *re.findall(r"`([^`\n]+)`", prose(path))])
 
 
 @pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md"])

@@ -50,6 +50,9 @@ class RunDefaults(_Table):
     """Duration, timestep (None for the model's own) and integrator of a case's runs, unless they are asked otherwise.
 
     Attributes:
+        duration_s: duration, s.
+        timestep_s: timestep, s; None for the model's own.
+        integrator: name of the integrator.
         stabilisation: how exact constraints are kept from drifting: ``baumgarte`` (terms in the accelerations),
             ``projection`` (no such terms; positions and velocities are projected after every step) or ``both``. None:
             projection where a solver walks; along other walks, where nothing can be projected, Baumgarte's terms.
@@ -135,7 +138,10 @@ class Baumgarte(_Table):
 class Settings(_Table):
     """A named way of running MuJoCo itself. What is None stays as in the model.
 
-    ``solref`` and ``solimp`` apply to every equality.
+    Attributes:
+        solver: of its constraints.
+        solref: of every equality.
+        solimp: of every equality.
     """
 
     solver: Literal["newton", "cg", "pgs"] | None = None
@@ -149,6 +155,8 @@ class Experiment(_Table):
     Attributes:
         mode: what is compared.
         walker: what advances the state in lockstep: ``mujoco``, or a solver, which does so in the hard form.
+        forms: of the question: ``matched``, MuJoCo's own softness, and ``hard``, exact constraints.
+        solvers: solvers that answer, as of ``--solver``; in free runs also ``mujoco``.
         integrators: integrators; None for the case's own.
         stabilisation: how exact constraints are kept from drifting; None for the case's own.
         settings: named ways of running MuJoCo.
@@ -172,7 +180,14 @@ DEFAULT_EXPERIMENTS = [
 
 
 class Sweep(_Table):
-    """Free runs at several timesteps besides the case's own, for work against precision in the suite's summary."""
+    """Free runs at several timesteps besides the case's own, for work against precision in the suite's summary.
+
+    Attributes:
+        timesteps_s: timesteps, s.
+        integrators: integrators, each with every timestep.
+        solvers: solvers on exact constraints.
+        settings: named ways of running MuJoCo beside them.
+    """
 
     timesteps_s: Annotated[list[Positive], Field(min_length=2)]
     integrators: Some[IntegratorName] = ["euler", "rk4"]
@@ -231,10 +246,16 @@ class CaseFile(_Table):
     """The contents of ``case.toml``.
 
     Attributes:
+        title: what it is, in a few words.
+        summary: the same in a sentence.
+        source: where the model comes from.
+        tags: words to find it by.
         rank_cut: eigenvalues of A below this part of the largest count as zero; None for the default.
         parameters: name → default, of a parametrised model.
         settings: name → way of running MuJoCo.
         published: values that others published, for the default parameters.
+        experiments: what is run; left out: calibration, lockstep and free runs with usual solvers.
+        gates: bounds on figures of the summary.
         endings: how runs may end other than ``done``.
         sweep: timesteps for work against precision, with the default parameters.
         variants: further sets of parameters.

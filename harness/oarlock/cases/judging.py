@@ -17,6 +17,8 @@ class Gate(_Table):
     Attributes:
         figure: column of the summary.
         where: column → value that a run must have to be selected.
+        min: smallest value that is allowed.
+        max: largest value that is allowed.
         equal: the value of a figure that is a word; other figures have ``min``, ``max`` or both.
         cause: why this is the bound.
     """

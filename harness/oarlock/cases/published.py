@@ -33,6 +33,8 @@ class Truth(_Observed):
     ay, az of a site (m, world frame).
 
     Attributes:
+        joint: name of the joint that it is of.
+        site: name of the site that it is of, in place of a joint.
         file: name of the file. ``{N}`` in it stands for the value of the parameter N; without it, it holds for all.
         source: where the trajectory comes from.
     """
@@ -45,6 +47,8 @@ class Published(_Observed):
     """A value that others published, of a joint, a site or an equality at one time.
 
     Attributes:
+        joint: name of the joint that the value is of.
+        site: name of the site that it is of, in place of a joint.
         time_s: time, s.
         equality: name of the equality, if the value is its multipliers.
         position: coordinate of a joint (rad or m), or place of a site (m, world frame).
