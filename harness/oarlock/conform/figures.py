@@ -59,8 +59,12 @@ def _silent(answer: Answer) -> str:
     return f"not expressible: {'; '.join(told[:2])}" + (f" and {len(told) - 2} more" if len(told) > 2 else "")
 
 
+_LONG = ("body_masses", "body_places", "equalities", "warnings")
+"""Facts that a row does not hold: a figure a body, or words with paths of one occasion."""
+
+
 def _brief(facts: dict[str, Any]) -> dict[str, Any]:
-    told = {name: value for name, value in facts.items() if name not in ("body_masses", "equalities")}
+    told = {name: value for name, value in facts.items() if name not in _LONG}
     apart_by = told.get("compiled_apart")
     return {**told, "compiled_apart": sorted(apart_by)} if isinstance(apart_by, dict) else told
 

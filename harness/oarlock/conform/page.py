@@ -11,7 +11,7 @@ import polars as pl
 from oarlock.base.files import write_text
 from oarlock.base.text import json_visible
 from oarlock.conform.badge import badge
-from oarlock.conform.causes import FAILED, NEARLY
+from oarlock.conform.causes import FAILED, NEARLY, READER
 from oarlock.conform.precision import MARGIN, SETTLED
 from oarlock.conform.states import RUN_S, SPEED
 from oarlock.conform.versions import changes
@@ -48,14 +48,17 @@ _SHORT = {
     "float32": "f32",
     "history": "history",
     "residue": "nearly",
-    "reader": "import",
+    "reader": "kept",
 }
 """Cause → what stands in a cell."""
 
 
 def cell(cause: str) -> str:
     """What stands in a cell of the heat map for a cause."""
-    return ", ".join(_SHORT.get(part, part) for part in cause.split("+"))
+    parts = cause.split("+")
+    if parts[0] == READER:  # an engine that computes nothing: what it lost
+        parts = parts[1:] or parts
+    return ", ".join(_SHORT.get(part, part) for part in parts)
 
 
 def heat_map(document: dict[str, Any]) -> Figure:
