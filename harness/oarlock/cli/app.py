@@ -23,6 +23,7 @@ COMMANDS = {
     "run": "run.run",
     "new": "new.new",
     "report": "report.report",
+    "figure": "figure.figure",
     "bench": "bench.bench",
     "suite": "suite.suite",
     "check": "check.check",

@@ -5,6 +5,7 @@ EXAMPLES = {
     "run": "oarlock run boat --mode free --duration 2 --report page",
     "new": "oarlock new my_linkage path/to/model.xml",
     "report": "oarlock report results/boat",
+    "figure": "oarlock figure results/boat --width 86mm",
     "bench": "oarlock bench --size 24 --rounds 3",
     "suite": "oarlock suite four_bar --sweep timestep=5e-4:4e-3:4",
     "check": "oarlock check gripper.xml leg.xml --fail-above 1e-4 --sarif loops.sarif",
