@@ -5,7 +5,7 @@ import sys
 import pytest
 from fake_engines import program
 from oarlock.base.errors import InputError
-from oarlock.engines import environments
+from oarlock.engines import environments, registry
 from oarlock.engines.registry import PRECISIONS, QUESTIONS, parse_engine, programs, read_program
 
 
@@ -119,3 +119,21 @@ def test_an_installer_that_fails_leaves_nothing(monkeypatch, tmp_path):
     with pytest.raises(InputError, match=r"engine 'mujoco@3\.6' cannot be installed: no such version"):
         environments.make(parse_engine("mujoco@3.6"))
     assert list((tmp_path / "oarlock" / "engines").iterdir()) == []
+
+
+def test_a_digest_is_of_what_a_program_takes(tmp_path, monkeypatch):
+    """A file of ``shared/`` counts for those that import it, also by way of another one."""
+    shared = tmp_path / "shared"
+    shared.mkdir()
+    (shared / "far.py").write_text("x = 1")
+    (shared / "near.py").write_text("from shared.far import x")
+    (shared / "other.py").write_text("y = 1")
+    monkeypatch.setattr(registry, "SHARED", shared)
+    path = program(tmp_path, "true")
+    path.write_text(path.read_text() + "\nfrom shared import near\n")
+    one = read_program(path)
+    before = one.digest
+    (shared / "other.py").write_text("y = 2")
+    assert one.digest == before
+    (shared / "far.py").write_text("x = 2")
+    assert one.digest != before

@@ -23,6 +23,9 @@ AGREES, UNEXPLAINED, READER, FAILED, SILENT = "agrees", "unexplained", "reader",
 FIRST = 6
 """States that a law is tried on before all are: most laws fail at once."""
 
+NEARLY = 1e-5
+"""Relative. So near to a law answers are told by it, with what is left beyond what their precision explains."""
+
 MASS_APART = 1e-6
 """Relative difference of masses that is none: of a mass in single precision, read from a text of six digits."""
 
@@ -33,8 +36,8 @@ class Cause:
 
     Attributes:
         name: causes joined by ``+``: ``agrees``, ``exact``, ``jdotv``, ``rows``, ``cone``, ``mass``, ``compiled``,
-            ``float32``, ``history`` (asked once more it answers otherwise); or ``unexplained``, ``reader``,
-            ``not expressible``, ``failed``.
+            ``float32``, ``residue`` (a little is left), ``history`` (asked once more it answers otherwise); or
+            ``unexplained``, ``reader``, ``not expressible``, ``failed``.
         text: in words.
         left: largest relative difference of q̈ that is left once the cause is taken out; None where nothing is compared.
         allowed: the largest of what the precision explains; None likewise.
@@ -70,22 +73,26 @@ def tell(laws: Laws, answer: Answer) -> Cause:
 
 def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Cause:
     first, sizes = np.arange(min(FIRST, len(laws.states))), scale(laws.solve(MUJOCO))
+    trusted = np.maximum(allowed, NEARLY)
     nearest: tuple[float, Law] | None = None
+    nearly: tuple[float, Law] | None = None
     for law in candidates(laws, answer):
         try:
             part = apart(answer.qacc[first], laws.solve(law, first), sizes[first])
         except InputError:
             continue
-        if (part > allowed[first]).any():
-            if nearest is None or part.max() < nearest[0]:
-                nearest = float(part.max()), law
-            continue
-        left = apart(answer.qacc, laws.solve(law), sizes)
-        if not (left > allowed).any():
+        left = apart(answer.qacc, laws.solve(law), sizes) if (part <= trusted[first]).all() else part
+        worst = float(left.max())
+        if len(left) == len(sizes) and (left <= allowed).all():
             return _explained(law, left, allowed, single)
-        if nearest is None or left.max() < nearest[0]:
-            nearest = float(left.max()), law
+        if len(left) == len(sizes) and (left <= trusted).all() and (nearly is None or worst < nearly[0]):
+            nearly = worst, law
+        if nearest is None or worst < nearest[0]:
+            nearest = worst, law
     assert nearest is not None
+    if nearly is not None:
+        cause = _explained(nearly[1], np.array([nearly[0]]), allowed, single)
+        return replace(cause, name=f"{cause.name}+residue", text=f"{cause.text}, but for {short(nearly[0])}")
     difference, law = nearest
     said = f"unexplained: {short(difference)} is left even with {words(law) or 'our own solution as it is'}"
     return Cause(UNEXPLAINED, said, difference, float(allowed.max()))

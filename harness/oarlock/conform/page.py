@@ -11,7 +11,7 @@ import polars as pl
 from oarlock.base.files import write_text
 from oarlock.base.text import json_visible
 from oarlock.conform.badge import badge
-from oarlock.conform.causes import FAILED
+from oarlock.conform.causes import FAILED, NEARLY
 from oarlock.conform.precision import MARGIN, SETTLED
 from oarlock.conform.states import RUN_S, SPEED
 from oarlock.conform.versions import changes
@@ -47,6 +47,7 @@ _SHORT = {
     "compiled": "compiled",
     "float32": "f32",
     "history": "history",
+    "residue": "nearly",
     "reader": "import",
 }
 """Cause → what stands in a cell."""
@@ -144,4 +145,5 @@ def _text(document: dict[str, Any], drawn: list[Figure]) -> str:
         run_s=RUN_S,
         margin=MARGIN,
         settled=SETTLED,
+        nearly=NEARLY,
     )

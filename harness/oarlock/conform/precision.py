@@ -20,8 +20,8 @@ MARGIN = 10.0
 """Roundings of an engine on the way to M and J, and of its own iteration, over one of each input."""
 
 SETTLED = 1e-6
-"""What iterations leave in double precision, of q̈: proximal solvers stop at 1e-8 … 1e-11, Newton's method of an
-integrator in maximal coordinates at 4e-7 (measured)."""
+"""What iterations leave in double precision, of q̈: proximal solvers stop at 1e-8 … 1e-11, an engine in maximal
+coordinates at 4e-7 as a rule (measured)."""
 
 CREDIBLE = 0.2
 """Relative. A precision that would explain more than this explains nothing: any other cause would hide in it."""

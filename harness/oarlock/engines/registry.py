@@ -4,6 +4,7 @@ The head is inline metadata (PEP 723): the requirements of the program's environ
 oarlock wants to know. A new engine is a file in ``programs/``, or any file that is named by its path.
 """
 
+import ast
 import re
 import tomllib
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from oarlock.base.hashing import of_document, of_file
 from oarlock.base.options import Number
 
 PROGRAMS = Path(__file__).with_name("programs")
+SHARED = PROGRAMS / "shared"
 LAUNCH = Path(__file__).with_name("launch.py")
 
 QUESTIONS = ("forward", "step", "run")
@@ -59,9 +61,27 @@ class Program:
 
     @property
     def digest(self) -> str:
-        """Of everything that its answers depend on, besides its environment: the file, and what programs share."""
-        shared = sorted(self.path.parent.glob("shared/*.py"))
-        return of_document([of_file(path) for path in (self.path, LAUNCH, *shared)])
+        """Of everything that its answers depend on, besides its environment: the file, and what it takes of others."""
+        return of_document([of_file(path) for path in (self.path, LAUNCH, *_taken(self.path))])
+
+
+def _taken(path: Path) -> list[Path]:
+    """The files in ``shared/`` that a program imports, and those that these do."""
+    found: dict[Path, None] = {}
+    waiting = [path]
+    while waiting:
+        try:
+            tree = ast.parse(waiting.pop().read_bytes())
+        except (OSError, SyntaxError, ValueError):
+            continue
+        for node in ast.walk(tree):
+            module = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
+            if isinstance(node, ast.ImportFrom) and module.split(".")[0] == SHARED.name:
+                names = [module.split(".")[1]] if "." in module else [one.name for one in node.names]
+                new = [SHARED / f"{name}.py" for name in names]
+                waiting += [one for one in new if one.is_file() and one not in found]
+                found |= dict.fromkeys(one for one in new if one.is_file())
+    return sorted(found)
 
 
 @cache

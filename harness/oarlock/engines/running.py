@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -29,6 +30,9 @@ SILENCE_S = 900.0
 
 _KEPT = 40
 """Lines of a program's standard error that are kept."""
+
+_RAISED = re.compile(r"[\w.]*(Error|Exception|Interrupt|Exit)\b")
+"""Begins the line of a traceback that says what was raised."""
 
 _LOOK_S = 0.5
 
@@ -178,7 +182,9 @@ def _tell(line: bytes, hear: Callable[[int, int], None]) -> None:
 def _last(complaints: "deque[bytes]") -> str:
     lines = [one_line(line.decode(errors="replace").strip()) for line in list(complaints)]
     lines = [line for line in lines if line]
-    return f": {lines[-1][:300]}" if lines else ""
+    # What comes after an exception explains it, or says how to see more.
+    raised = [line for line in lines if _RAISED.match(line)]
+    return f": {(raised or lines)[-1][:300]}" if lines else ""
 
 
 def _how(code: int) -> str:

@@ -64,8 +64,13 @@ def _placed(start, ask, row):
 def _compiled():
     """Functions of a device's model and a state: forward, and so many steps. Numbers of the model are arguments too."""
 
+    def step(device, state):
+        # A loop wants the types that it was begun with; of tendons MJX widens some numbers of elements.
+        after = mjx.step(device, state)
+        return jax.tree_util.tree_map(lambda new, old: jnp.asarray(new, old.dtype), after, state)
+
     def advance(device, state, steps):
-        return jax.lax.fori_loop(0, steps, lambda _, one: mjx.step(device, one), state)
+        return jax.lax.fori_loop(0, steps, lambda _, one: step(device, one), state)
 
     return jax.jit(mjx.forward), jax.jit(advance)
 
