@@ -10,6 +10,7 @@ EXAMPLES = {
     "suite": "oarlock suite four_bar --sweep timestep=5e-4:4e-3:4",
     "check": "oarlock check gripper.xml leg.xml --fail-above 1e-4 --sarif loops.sarif",
     "close": "oarlock close arm.urdf --pair tip_left tip_right -o closed.xml",
+    "view": "oarlock view boat --duration 2 -o boat.html",
     "diff": "oarlock diff results/boat elsewhere/boat --junit diff.xml",
     "sample": "oarlock sample four_bar -n 100 -o poses.npz",
     "explain": "oarlock explain D1",
