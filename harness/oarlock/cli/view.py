@@ -27,13 +27,15 @@ def view(
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="OUT.html", help="Write the page here [default: a temporary file, opened]."),
+        typer.Option(
+            "--out", "-o", metavar="OUT.html", help="Write the page here [default: a temporary file, opened]."
+        ),
     ] = None,
     no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
     no_code: NoCodeOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Shows MuJoCo's own motion in a browser, and the exact one as a ghost: gaps of loops exaggerated, forces as arrows.
+    """Shows MuJoCo's own motion in a browser, the exact one as a ghost, gaps of loops exaggerated, forces as arrows.
 
     One HTML file, which needs no net and no server: it can be kept, sent and put beside a report.
     """

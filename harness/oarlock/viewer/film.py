@@ -1,4 +1,4 @@
-"""Both motions at some of their steps: where bodies and tendons are, how far equalities are off, what they pull with."""
+"""Both motions at some steps: where bodies and tendons are, how far equalities are off, what they pull with."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -29,6 +29,9 @@ NUMBERS = 3_000_000
 TENDON_POINTS = 64
 """Of a tendon's way at most; the rest of one that touches more is left out."""
 
+ARRAYS = ("middles", "gaps", "forces", "off", "pulls", "drift", "tendons")
+"""Fields of a side that the page takes as they are."""
+
 STILL = 1e-12
 """m, or part of a turn. A body that moves by less stands still, and has no ghost."""
 
@@ -44,6 +47,7 @@ class Side:
         gaps: from its second to its first point, (n, E, 3), m; NaN where it is switched off.
         forces: on its first body, world axes, (n, E, 3), N.
         off: largest row of every equality, (n, Q), m or rad.
+        pulls: size of the force of every equality, (n, Q): of one that joins points N, of a coupling its multiplier.
         drift: largest of all rows, (n).
         tendons: ways, (n, T, W, 3), m, the last point repeated.
     """
@@ -54,12 +58,13 @@ class Side:
     gaps: np.ndarray
     forces: np.ndarray
     off: np.ndarray
+    pulls: np.ndarray
     drift: np.ndarray
     tendons: np.ndarray
 
     def document(self, moving: np.ndarray) -> dict[str, Any]:
         """For the page's script, with the poses of the bodies that move."""
-        arrays = {name: packed(getattr(self, name)) for name in ("middles", "gaps", "forces", "off", "drift", "tendons")}
+        arrays = {name: packed(getattr(self, name)) for name in ARRAYS}
         return {"title": self.title, "frames": len(self.poses), "poses": packed(self.poses[:, moving]), **arrays}
 
 
@@ -137,13 +142,15 @@ def _side(
     position = np.abs(run.position[steps])
     off = np.stack([position[:, layout.of_equality(at)].max(axis=1) for at in range(len(layout.starts))], 1)
     drift = position.max(axis=1, initial=0.0)
+    pulls = np.abs(run.force[steps][:, layout.starts])
     forces = np.zeros((len(steps), len(joining), 3))
     for column, place in enumerate(joining):
         forces[:, column] = run.force[steps, layout.starts[place] :][:, :3]
+        pulls[:, place] = np.linalg.norm(forces[:, column], axis=1)
     gaps[~there[:, joining]] = np.nan
     forces[~there[:, joining]] = np.nan
-    off[~there] = np.nan
-    return Side(title, poses, middles, gaps, forces, off, drift, tendons)
+    off[~there] = pulls[~there] = np.nan
+    return Side(title, poses, middles, gaps, forces, off, pulls, drift, tendons)
 
 
 def _placed(
@@ -155,7 +162,9 @@ def _placed(
     ends = np.zeros((count, len(joining), 2, 3))
     ways: list[list[np.ndarray]] = []
     spatial = [
-        tendon for tendon in range(model.ntendon) if model.wrap_type[model.tendon_adr[tendon]] != mujoco.mjtWrap.mjWRAP_JOINT
+        tendon
+        for tendon in range(model.ntendon)
+        if model.wrap_type[model.tendon_adr[tendon]] != mujoco.mjtWrap.mjWRAP_JOINT
     ]
     for at, pose in enumerate(qpos):
         data.qpos[:], data.time = pose, times[at]

@@ -1,4 +1,4 @@
-"""What a model looks like: its geoms as shapes on bodies, and each mesh once, with fewer triangles where it has too many.
+"""What a model looks like: its geoms as shapes on bodies, and each mesh once, coarser where it has too many triangles.
 
 A body of which nothing is to be seen is a star of sticks, as in ``diagnosis.page.motion``.
 """
@@ -113,8 +113,10 @@ def scene(model: mujoco.MjModel, skeleton: Skeleton, points: np.ndarray, poses: 
     """What is drawn of a model.
 
     Args:
-        model: any; skeleton: its lines, for bodies of which nothing else is to be seen.
-        points: of the skeleton at one pose (P, 3), world, m; poses: of all bodies at the same, (nbody, 7).
+        model: any.
+        skeleton: its lines, for bodies of which nothing else is to be seen.
+        points: of the skeleton at one pose (P, 3), world, m.
+        poses: of all bodies at the same, (nbody, 7).
         extent: of what is drawn, m.
 
     Raises:
@@ -170,16 +172,12 @@ def _rgba(model: mujoco.MjModel, geom: int) -> tuple[float, ...]:
     return _t(model.mat_rgba[material] if material >= 0 and np.allclose(own, PLAIN) else own)
 
 
-def _sticks(
-    body: int, lines: list[tuple[np.ndarray, np.ndarray]], pose: np.ndarray, radius: float
-) -> list[Shape]:
+def _sticks(body: int, lines: list[tuple[np.ndarray, np.ndarray]], pose: np.ndarray, radius: float) -> list[Shape]:
     """The lines (world, m) of a body's star, in its own frame."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, pose[3:])
     own = [[turn.reshape(3, 3).T @ (point - pose[:3]) for point in line] for line in lines]
-    return [
-        Shape(body, "stick", -1, _t(a), _IDENTITY, (*_t(b), radius), (0.45, 0.5, 0.58, 1.0)) for a, b in own
-    ]
+    return [Shape(body, "stick", -1, _t(a), _IDENTITY, (*_t(b), radius), (0.45, 0.5, 0.58, 1.0)) for a, b in own]
 
 
 def _source(model: mujoco.MjModel, geom: int) -> tuple[str, int]:

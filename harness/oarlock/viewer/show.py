@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -15,9 +16,11 @@ from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page.chapters.head import head
 from oarlock.diagnosis.page.motion import Skeleton, drawing_plane, exaggeration
 from oarlock.mechanics.controls import drive
+from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.mechanics.given import Model
-from oarlock.viewer.film import Film, film
+from oarlock.mechanics.names import Equality
+from oarlock.viewer.film import Film, Side, film
 from oarlock.viewer.packing import packed
 from oarlock.viewer.scene import Scene, scene
 
@@ -33,6 +36,9 @@ LONG = 0.3
 TILT = 0.35
 """By so much the view of a mechanism in a plane is turned out of its normal."""
 
+LOOKS = 40
+"""Frames at which it is looked what has to be in the view."""
+
 LOST = (2, 98)
 """Percentiles of a run that diverged between which the view lies."""
 
@@ -44,7 +50,9 @@ class Show:
     Attributes:
         title: of the page; head: what was run.
         centre: of what moves, (3), m; extent: its diameter, m; towards: from there to whoever looks, (3).
+        frame: width, height and depth of what moves as it is looked at, m.
         factor: by which gaps are exaggerated at first; newton: length of an arrow for a newton, m.
+        efforts: unit of the force of every equality.
         notes: what is not shown, or not as it is, and why.
     """
 
@@ -55,8 +63,10 @@ class Show:
     centre: np.ndarray
     extent: float
     towards: np.ndarray
+    frame: np.ndarray
     factor: float
     newton: float
+    efforts: list[str]
     notes: list[str]
 
     def document(self) -> dict[str, Any]:
@@ -64,7 +74,6 @@ class Show:
         moving = self.film.moving
         layout = self.film.layout
         still = np.setdiff1d(np.arange(len(self.scene.names)), moving)
-        joined = {place: row for row, place in enumerate(self.film.joining)}
         return {
             "scene": self.scene.document(),
             "times": packed(self.film.times),
@@ -76,13 +85,15 @@ class Show:
                 {
                     "name": one_line(one.name),
                     "unit": "m" if one.kind.joins_points else one.unit,
-                    "joined": joined.get(place, -1),
+                    "effort": self.efforts[place],
                 }
                 for place, one in enumerate(layout.equalities)
             ],
+            "unit": " or ".join(sorted({row.unit for row in layout.named})),
             "centre": self.centre.tolist(),
             "extent": self.extent,
             "towards": self.towards.tolist(),
+            "frame": self.frame.tolist(),
             "factor": self.factor,
             "newton": self.newton,
             "drift": float(np.nan_to_num(self.film.sides[0].drift).max()),
@@ -122,43 +133,45 @@ def shown(exam: Examination) -> Show:
     moving = film(exam, recording)
     skeleton = Skeleton(exam.model, recording.layout.equalities)
     lost = recording.end.how != "finished" and len(moving.sides) == 1
-    centre, extent, points = _framed(exam, moving, skeleton, lost)
-    made = scene(exam.model, skeleton, points[0], moving.sides[0].poses[0], extent)
-    right, up = drawing_plane(exam, points)
+    points = skeleton.read(
+        _poses_at(exam, moving), moving.times[: len(moving.sides[-1].poses)], drive(exam.model, exam.laws)
+    )
+    axes = _axes(*drawing_plane(exam, points))
+    kept = moving.sides if recording.end.how == "finished" else moving.sides[-1:]
+    corners = np.concatenate([points.reshape(-1, 3), *(_corners(exam.model, side, moving.moving) for side in kept)])
+    corners = corners[np.isfinite(corners).all(axis=1)]
+    low, high = (
+        np.percentile(corners @ axes.T, LOST if lost else (0, 100), axis=0) if len(corners) else np.zeros((2, 3))
+    )
+    extent = float(np.linalg.norm(high - low)) or 1.0
+    made = scene(exam.model, skeleton, points[0], moving.sides[-1].poses[0], extent)
     return Show(
-        title=one_line(exam.file),
+        title=one_line(Path(exam.file).name),
         head=head(exam),
         scene=made,
         film=moving,
-        centre=centre,
+        centre=0.5 * (low + high) @ axes,
         extent=extent,
-        towards=_towards(right, up),
+        towards=axes[2],
+        frame=high - low,
         factor=exaggeration(moving.gap, VISIBLE * extent),
         newton=LONG * extent / moving.force if moving.force > 0.0 else 1.0,
+        efforts=[_effort(exam.model, one) for one in recording.layout.equalities],
         notes=[one_line(note) for note in [*_exact(exam), *_cut(exam, moving), *made.notes]],
     )
 
 
-def _framed(
-    exam: Examination, moving: Film, skeleton: Skeleton, lost: bool
-) -> tuple[np.ndarray, float, np.ndarray]:
-    """Middle (3) and diameter of what moves, m, and the points of the skeleton at the frames, (n, P, 3)."""
-    model, side = exam.model, moving.sides[-1]
-    points = skeleton.read(_poses_at(exam, moving), moving.times[: len(side.poses)], drive(model, exam.laws))
-    bodies = set(moving.moving.tolist()) or set(range(model.nbody))
-    geoms = [
-        geom
-        for geom in range(model.ngeom)
-        if int(model.geom_bodyid[geom]) in bodies and model.geom_rbound[geom] > 0.0
-    ]
-    owners, reach = model.geom_bodyid[geoms], model.geom_rbound[geoms][:, None]
-    middles = side.poses[:, owners, :3] + rotated(side.poses[:, owners, 3:], model.geom_pos[geoms])
-    everything = [points, middles - reach, middles + reach]
-    flat = np.concatenate([values.reshape(-1, 3) for values in everything])
-    flat = flat[np.isfinite(flat).all(axis=1)]
-    low, high = np.percentile(flat, LOST if lost else (0, 100), axis=0) if len(flat) else np.zeros((2, 3))
-    extent = float(np.linalg.norm(high - low))
-    return 0.5 * (low + high), extent if extent > 0.0 else 1.0, points
+def _corners(model: mujoco.MjModel, side: Side, moving: np.ndarray) -> np.ndarray:
+    """Corners (n, 3) of boxes around the geoms that move, at some frames, world, m."""
+    looks = np.unique(np.linspace(0, len(side.poses) - 1, LOOKS).astype(int))
+    bodies = set(moving.tolist()) or set(range(model.nbody))
+    geoms = [g for g in range(model.ngeom) if int(model.geom_bodyid[g]) in bodies and model.geom_rbound[g] > 0.0]
+    boxes = model.geom_aabb[geoms]
+    signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), axis=-1).reshape(-1, 3)
+    local = boxes[:, None, :3] + signs * boxes[:, None, 3:]
+    own = model.geom_pos[geoms][:, None] + rotated(model.geom_quat[geoms][:, None], local)
+    poses = side.poses[looks][:, model.geom_bodyid[geoms], None]
+    return (poses[..., :3] + rotated(poses[..., 3:], own[None])).reshape(-1, 3)
 
 
 def _poses_at(exam: Examination, moving: Film) -> np.ndarray:
@@ -177,10 +190,20 @@ def rotated(quats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     return vectors + w * twice + np.cross(axis, twice)
 
 
-def _towards(right: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """A little from the right and from above of what looks at the plane of these two."""
-    found = np.cross(right, up) + TILT * (0.6 * right + up)
-    return found / np.linalg.norm(found)
+def _axes(right: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Right, up and towards whoever looks, (3, 3), a little from the right and from above of what looks at a plane."""
+    towards = np.cross(right, up) + TILT * (0.6 * right + up)
+    towards /= np.linalg.norm(towards)
+    # The camera stands upright, whatever the plane is.
+    across = np.cross([0.0, 0.0, 1.0], towards)
+    across /= np.linalg.norm(across)
+    return np.array([across, np.cross(towards, across), towards])
+
+
+def _effort(model: mujoco.MjModel, equality: Equality) -> str:
+    if equality.kind.joins_points:
+        return "N"
+    return coupled(equality.kind).effort(model, coupled_ids(model, equality.index)[0])
 
 
 def _exact(exam: Examination) -> list[str]:
@@ -209,9 +232,3 @@ def _cut(exam: Examination, moving: Film) -> list[str]:
     if len(moving.steps) < recording.steps:
         notes.append(f"{len(moving.steps)} of {recording.steps} steps are shown.")
     return notes
-
-
-def pose_of(model: mujoco.MjModel, poses: np.ndarray, geom: int) -> np.ndarray:
-    """Where a geom is, world, m, (n, 3), by the poses of all bodies (n, nbody, 7)."""
-    body = int(model.geom_bodyid[geom])
-    return poses[:, body, :3] + rotated(poses[:, body, 3:], model.geom_pos[geom])

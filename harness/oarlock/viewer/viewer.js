@@ -2,7 +2,7 @@
 (() => {
   const shown = JSON.parse(document.getElementById("document").textContent);
   const at = id => document.getElementById(id);
-  const ROWS = 200;
+  const ROWS = 200, MARGIN = 1.3;
 
   function unpack(array) {
     const bytes = Uint8Array.from(atob(array.data), c => c.charCodeAt(0));
@@ -20,7 +20,7 @@
 
   const times = unpack(shown.times).data, count = times.length;
   const sides = shown.sides.map(side => {
-    const arrays = Object.fromEntries(["poses", "middles", "gaps", "forces", "off", "drift", "tendons"].map(
+    const arrays = Object.fromEntries(["poses", "middles", "gaps", "forces", "off", "pulls", "drift", "tendons"].map(
       name => [name, unpack(side[name])]));
     return { title: side.title, frames: side.frames, ...arrays };
   });
@@ -108,7 +108,7 @@
     if (!materials.has(key)) {
       const clear = rgba[3] < 0.99;
       materials.set(key, new THREE.MeshLambertMaterial({ color: new THREE.Color().setRGB(rgba[0], rgba[1], rgba[2], THREE.SRGBColorSpace),
-        transparent: clear, opacity: rgba[3], depthWrite: !clear, side: THREE.DoubleSide }));
+        transparent: clear, opacity: rgba[3], side: THREE.DoubleSide }));
     }
     return materials.get(key);
   }
@@ -249,10 +249,10 @@
   });
   if (shown.equalities.length > ROWS) at("more").textContent = `and ${shown.equalities.length - ROWS} more, which are drawn`;
   for (const [title, value] of [
-    ["drift of MuJoCo", n => figure(sides[0].drift.data[n], "m or rad")],
-    ...(sides[1] ? [["drift of the exact motion", n => n < sides[1].frames ? figure(sides[1].drift.data[n], "m or rad") : "–"]] : []),
-    ["largest force, MuJoCo", n => figure(strongest(sides[0], n), "N")],
-    ...(sides[1] ? [["largest force, exact", n => n < sides[1].frames ? figure(strongest(sides[1], n), "N") : "–"]] : []),
+    ["drift of MuJoCo", n => figure(sides[0].drift.data[n], shown.unit)],
+    ...(sides[1] ? [["drift of the exact motion", n => n < sides[1].frames ? figure(sides[1].drift.data[n], shown.unit) : "–"]] : []),
+    ...(joined ? [["largest force, MuJoCo", n => figure(strongest(sides[0], n), "N")]] : []),
+    ...(joined && sides[1] ? [["largest force, exact", n => n < sides[1].frames ? figure(strongest(sides[1], n), "N") : "–"]] : []),
   ]) {
     cell(at("figures"), "dt", title);
     figures.push([cell(at("figures"), "dd", ""), value]);
@@ -260,7 +260,7 @@
   const size = (values, n) => Math.hypot(values[3 * n], values[3 * n + 1], values[3 * n + 2]);
   function strongest(side, frame) {
     const forces = side.forces.row(frame);
-    let most = joined ? 0 : NaN;
+    let most = 0;
     for (let n = 0; n < joined; n++) if (size(forces, n) > most) most = size(forces, n);
     return most;
   }
@@ -268,10 +268,9 @@
     at("clock").textContent = `t = ${times[now].toFixed(3)} s`;
     for (const [node, value] of figures) node.textContent = value(now);
     for (const { equality, number, cells } of rows) {
-      const { joined: n, unit: measure } = equality;
-      cells[0].textContent = figure(sides[0].off.row(now)[number], measure);
+      cells[0].textContent = figure(sides[0].off.row(now)[number], equality.unit);
       sides.forEach((side, k) => {
-        cells[k + 1].textContent = n >= 0 && now < side.frames ? figure(size(side.forces.row(now), n), "N") : "–";
+        cells[k + 1].textContent = now < side.frames ? figure(side.pulls.row(now)[number], equality.effort) : "–";
       });
     }
   }
@@ -284,8 +283,9 @@
   const controls = renderer && new THREE.OrbitControls(camera, renderer.domElement);
   function look() {
     const box = at("stage"), aspect = box.clientWidth / Math.max(1, box.clientHeight);
-    const half = Math.tan(camera.fov * Math.PI / 360) * Math.min(1, aspect);
-    camera.position.set(...shown.towards).multiplyScalar(0.53 * extent / Math.sin(Math.atan(half))).add(new THREE.Vector3(...shown.centre));
+    const half = Math.tan(camera.fov * Math.PI / 360), [width, height, depth] = shown.frame;
+    const away = 0.5 * MARGIN * Math.max(height / half, width / (half * aspect)) + 0.5 * depth;
+    camera.position.set(...shown.towards).multiplyScalar(away).add(new THREE.Vector3(...shown.centre));
     controls.target.set(...shown.centre);
     controls.update();
   }
@@ -361,12 +361,14 @@
     else if (event.key === "ArrowRight" || event.key === "ArrowLeft") { play(false); go(now + (event.key === "ArrowRight" ? 1 : -1)); tell(); }
   });
   function scaled() {
-    factor = 10 ** Number(at("factor").value);
+    factor = Math.max(1, Number((10 ** Number(at("factor").value)).toPrecision(2)));
     arrow = shown.newton * 10 ** Number(at("arrow").value);
-    at("factor-said").textContent = `× ${factor < 10 ? factor.toPrecision(2) : Math.round(factor).toLocaleString("en").replaceAll(",", "\u202f")}`;
-    at("arrow-said").textContent = `${figure(0.1 * extent, "m")} is ${figure(0.1 * extent / arrow, "N")}`;
+    const round = Number((10 ** Math.floor(Math.log10(0.25 * extent / arrow))).toPrecision(1));
+    at("factor-said").textContent = `× ${factor.toLocaleString("en").replaceAll(",", "\u202f")}`;
+    at("arrow-said").textContent = `${round} N: ${figure(round * arrow, "m")}`;
     go(now);
   }
+  for (const node of document.querySelectorAll(".joining")) node.hidden = !joined;
   at("factor").value = Math.log10(shown.factor);
   for (const id of ["factor", "arrow"]) at(id).addEventListener("input", scaled);
   for (const id of ["show-own", "show-exact", "show-gaps", "show-forces"]) at(id).addEventListener("change", () => go(now));
