@@ -75,6 +75,7 @@ class Film:
     Attributes:
         times: of the frames, s, (F); steps: the numbers of their steps.
         joining: places, among the equalities of the layout, of those that join points.
+        finished: whether MuJoCo's run got to its end.
         sides: MuJoCo's, and the exact one where it is known, with F frames or fewer.
         moving: numbers of the bodies that move.
     """
@@ -85,6 +86,7 @@ class Film:
     joining: list[int]
     sides: list[Side]
     moving: np.ndarray
+    finished: bool
 
     @property
     def gap(self) -> float:
@@ -92,9 +94,14 @@ class Film:
         return _largest(self.sides[0].gaps)
 
     @property
+    def trusted(self) -> list[Side]:
+        """The sides by which view and arrows are scaled: a motion that diverged is the last to be."""
+        return self.sides if self.finished else self.sides[-1:]
+
+    @property
     def force(self) -> float:
-        """What most forces of both motions stay below, N: nineteen of twenty frames."""
-        sizes = [np.linalg.norm(side.forces, axis=2).max(axis=1, initial=0.0) for side in self.sides]
+        """What most forces stay below, N: in nineteen of twenty frames."""
+        sizes = [np.linalg.norm(side.forces, axis=2).max(axis=1, initial=0.0) for side in self.trusted]
         finite = np.concatenate(sizes)
         finite = finite[np.isfinite(finite)]
         return float(np.percentile(finite, 95)) if len(finite) else 0.0
@@ -122,7 +129,7 @@ def film(exam: Examination, recording: Recording) -> Film:
     ranges = [np.ptp(side.poses, axis=0).max(axis=1, initial=0.0) for side in sides]
     apart = np.abs(sides[0].poses[0] - sides[-1].poses[0]).max(axis=1)
     moving = np.flatnonzero(np.maximum(np.max(ranges, axis=0), apart) > STILL)
-    return Film(layout, recording.time[steps], steps, joining, sides, moving)
+    return Film(layout, recording.time[steps], steps, joining, sides, moving, recording.end.how == "finished")
 
 
 def _side(

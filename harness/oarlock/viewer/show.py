@@ -30,7 +30,7 @@ NEEDED = "run"
 VISIBLE = 0.08
 """Of the extent: so wide the largest gap is drawn, at most."""
 
-LONG = 0.3
+LONG = 0.22
 """Of the extent: so long an arrow of a usual force is."""
 
 TILT = 0.35
@@ -132,13 +132,14 @@ def shown(exam: Examination) -> Show:
         raise InputError(f"nothing to show: {exam.missing.get('run', 'the run has no step')}")
     moving = film(exam, recording)
     skeleton = Skeleton(exam.model, recording.layout.equalities)
-    lost = recording.end.how != "finished" and len(moving.sides) == 1
+    lost = not moving.finished and len(moving.sides) == 1
     points = skeleton.read(
         _poses_at(exam, moving), moving.times[: len(moving.sides[-1].poses)], drive(exam.model, exam.laws)
     )
     axes = _axes(*drawing_plane(exam, points))
-    kept = moving.sides if recording.end.how == "finished" else moving.sides[-1:]
-    corners = np.concatenate([points.reshape(-1, 3), *(_corners(exam.model, side, moving.moving) for side in kept)])
+    corners = np.concatenate(
+        [points.reshape(-1, 3), *(_corners(exam.model, side, moving.moving) for side in moving.trusted)]
+    )
     corners = corners[np.isfinite(corners).all(axis=1)]
     low, high = (
         np.percentile(corners @ axes.T, LOST if lost else (0, 100), axis=0) if len(corners) else np.zeros((2, 3))
@@ -209,9 +210,9 @@ def _effort(model: mujoco.MjModel, equality: Equality) -> str:
 def _exact(exam: Examination) -> list[str]:
     exact = exam.exact
     if exact is None:
-        return [f"MuJoCo's motion alone: there is no exact solution: {exam.missing.get('exact', _unclosed(exam))}"]
+        return [f"MuJoCo's motion alone: there is no exact solution: {exam.missing.get('exact', _unclosed(exam))}."]
     if not len(exact.qpos):
-        return [f"MuJoCo's motion alone: there is no exact solution: {exact.end.message}"]
+        return [f"MuJoCo's motion alone: there is no exact solution: {exact.end.message}."]
     notes = ["Forces of the exact solution are those of least norm."]
     if exact.note:
         notes.append(f"The exact solution steps with {exact.integrator} ({exact.note}).")

@@ -34,7 +34,7 @@
     at("body").textContent = "This browser has no WebGL, so that nothing can be drawn; the figures are beside.";
   }
   const scene = new THREE.Scene(), extent = shown.extent;
-  const camera = new THREE.PerspectiveCamera(30, 1, extent / 500, extent * 60);
+  const camera = new THREE.PerspectiveCamera(30, 1, extent / 50, extent * 60);
   camera.up.set(0, 0, 1);
   scene.add(new THREE.AmbientLight(0xffffff, 1.5), camera);
   const light = new THREE.DirectionalLight(0xffffff, 2.2);
@@ -101,7 +101,7 @@
   }
 
   const ghost = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.42, depthWrite: false, polygonOffset: true,
-    polygonOffsetFactor: 1, polygonOffsetUnits: 2 });
+    polygonOffsetFactor: 1, polygonOffsetUnits: 40 });
   const materials = new Map();
   function paint(rgba) {
     const key = rgba.join();
@@ -281,6 +281,7 @@
   // The view.
 
   const controls = renderer && new THREE.OrbitControls(camera, renderer.domElement);
+  if (controls) Object.assign(controls, { minDistance: extent / 15, maxDistance: 25 * extent });
   function look() {
     const box = at("stage"), aspect = box.clientWidth / Math.max(1, box.clientHeight);
     const half = Math.tan(camera.fov * Math.PI / 360), [width, height, depth] = shown.frame;
@@ -317,7 +318,7 @@
 
   // Time.
 
-  let playing = false, clock = 0, before = 0, told = 0;
+  let playing = false, recording = null, clock = 0, before = 0, told = 0;
   function go(frame) {
     now = Math.max(0, Math.min(count - 1, frame));
     at("time").value = now;
@@ -336,7 +337,14 @@
     if (playing) {
       clock += Math.max(0, moment - before) / 1000 * Number(at("speed").value);
       before = moment;
-      if (clock > times[count - 1]) clock = times[0];
+      if (clock > times[count - 1]) {
+        clock = times[0];
+        if (recording) {
+          recording.stop();
+          recording = null;
+          play(false);
+        }
+      }
       let frame = Math.min(now, count - 1);
       if (times[frame] > clock) frame = 0;
       while (frame + 1 < count && times[frame + 1] <= clock) frame++;
@@ -344,6 +352,24 @@
     }
     if (dirty && moment - told > 80) { told = moment; tell(); }
     if (dirty && renderer) draw();
+  }
+  // A film of what is seen, once through, as the browser records it.
+  function record() {
+    const film = new MediaRecorder(renderer.domElement.captureStream(30)), parts = [];
+    film.ondataavailable = event => parts.push(event.data);
+    film.onstop = () => {
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(new Blob(parts, { type: film.mimeType }));
+      link.download = `${document.querySelector("#said b").textContent.replace(/[^\w-]+/g, "-")}.${film.mimeType.includes("mp4") ? "mp4" : "webm"}`;
+      link.click();
+      document.documentElement.dataset.recorded = String(parts.reduce((sum, part) => sum + part.size, 0));
+      setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    };
+    play(false);
+    go(0);
+    film.start();
+    recording = film;
+    play(true);
   }
   at("time").max = count - 1;
   at("time").addEventListener("input", () => { play(false); go(Number(at("time").value)); tell(); });
@@ -384,6 +410,8 @@
     look();
     controls.addEventListener("change", () => { dirty = true; });
     at("reset").addEventListener("click", look);
+    at("record").hidden = !("MediaRecorder" in window);
+    at("record").addEventListener("click", () => { if (!recording) record(); });
     new ResizeObserver(() => { fit(); draw(); }).observe(at("stage"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", dress);
     const ray = new THREE.Raycaster(), spot = new THREE.Vector2();
