@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import re
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -36,7 +37,8 @@ DRIVER = "GL Driver Message"
 """In what a graphics driver says of its own speed, such as that reading pixels makes it wait: nothing of the page's."""
 
 
-def examined(model, **options):
+def examined(model, **options) -> Any:
+    """A check as far as its runs; what may be missing is there, or a test fails."""
     exam = begun(model, CheckOptions(budget=0.0, **options))
     for part in parts(exam):
         if part == "run":
