@@ -87,6 +87,8 @@ def test_the_wheel_has_what_it_needs_and_no_more(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     assert [name for name in names if name.startswith("oarlock/_core") and name.endswith(".so")] != []
     assert {"oarlock/py.typed", "oarlock/_core.pyi", "oarlock/models/boat/case.toml"} <= set(names)
+    vendor = {"oarlock/render/vendor/three.min.js", "oarlock/render/vendor/LICENSE-three"}
+    assert vendor | {"oarlock/viewer/viewer.js", "oarlock/render/templates/view.page.html.j2"} <= set(names)
     tops = {name.split("/")[0] for name in names}
     assert {top for top in tops if not top.startswith("oarlock")} == set()
     assert [name for name in names if "__pycache__" in name or name.endswith((".rs", ".c", ".h"))] == []

@@ -28,6 +28,7 @@ COMMANDS = {
     "suite": "suite.suite",
     "check": "check.check",
     "close": "close.close",
+    "view": "view.view",
     "diff": "diff.diff",
     "conform": "conform.conform",
     "versions": "versions.versions",
