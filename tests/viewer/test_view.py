@@ -120,6 +120,7 @@ def test_gaps_and_forces_are_those_of_the_tables(exams, name):
         for column, place in enumerate(joining):
             first = layout.starts[place]
             force, gap = found[place].total.force, run.position[steps, first : first + 3]
+            assert force is not None
             assert np.abs(forces[:, column] - force).max() <= SINGLE_PARTS * np.abs(force).max()
             assert np.abs(gaps[:, column] - gap).max() <= SINGLE_PARTS * max(np.abs(gap).max(), 1e-9)
             assert pulls[:, place] == pytest.approx(np.linalg.norm(force, axis=1), rel=SINGLE_PARTS)
