@@ -12,6 +12,9 @@ RUST_SOURCES := $(wildcard rust/*/Cargo.toml rust/*/build.rs rust/*/src/*.rs rus
 # For which interpreter the extension is built, and whose MuJoCo unit tests in Rust load.
 export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 
+# A build in the checkout takes the crates that Cargo.lock has.
+export MATURIN_PEP517_ARGS := --locked
+
 # What a wheel says of when and where it was made: the date of the commit, and no path of this machine.
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 315532800)
 WHEEL_FLAGS := --remap-path-prefix=$(CURDIR)=/oarlock --remap-path-prefix=$(or $(CARGO_HOME),$(HOME)/.cargo)=/cargo

@@ -22,16 +22,21 @@ def executable() -> str | None:
     return os.environ.get("CHROMIUM") or next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
+WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+"""Flags that draw in three dimensions without a graphics card."""
+
+
 class Browser:
     """One page at a time, with everything that its console said."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, *more: str):
+        """Starts it with a folder of its own and more flags, such as ``WEBGL``."""
         program = executable()
         assert program is not None
         own, theirs = os.pipe(), os.pipe()
         # Chromium reads commands from 3 and writes answers to 4.
         shell = f'exec "$0" "$@" 3<&{own[0]} 4>&{theirs[1]}'
-        flags = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe", "--no-first-run"]
+        flags = ["--headless", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe", "--no-first-run", *more]
         self._process = subprocess.Popen(
             ["bash", "-c", shell, program, *flags, f"--user-data-dir={folder}", "about:blank"],
             pass_fds=(own[0], theirs[1]),

@@ -44,6 +44,7 @@ def test_terminal_and_pages(hostile, tmp_path, oarlock_here):
         ("run", hostile.parent, "--out", "kept", "--report", "page", "--json", "-"),
         ("run", hostile.parent, "--out", "kept"),
         ("check", hostile, "--duration", "0.05", "--budget", "0", "--report", "checked"),
+        ("view", hostile, "--duration", "0.05", "--out", "viewed/index.html"),
         ("suite", hostile.parent, "--out", "out", "--jobs", "1"),
         ("diff", "kept", "kept", "--report", "compared"),
         ("report", "kept", "--to", "again"),

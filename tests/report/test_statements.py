@@ -195,8 +195,8 @@ def test_other_statements_have_their_figures():
 
 def test_every_statement_is_a_paragraph_of_its_own(boat_run, tmp_path):
     text = (write_report(boat_run.folder, tmp_path / "report") / "README.md").read_text(encoding="utf-8")
-    front = MarkdownIt("commonmark").parse(text.partition("\n![mechanism]")[0])
-    paragraphs = [token.content for token in front if token.type == "inline"][1:]
+    front = MarkdownIt("commonmark").parse(text.partition("\n## ")[0])
+    paragraphs = [token.content for token in front if token.type == "inline" and token.content.startswith("**")]
     names = [paragraph.split("**")[1].split()[0] for paragraph in paragraphs]
     assert names == ["All", "Stepping.", "Same", "Exact", "Projection.", "Iterations.", "In", "The"]
     assert "\n\n\n" not in text

@@ -10,7 +10,8 @@ from typer.main import get_command
 
 HEAD = """\
 `oarlock COMMAND --help` says the same in the terminal. Exit status of every command: 0 all is well, 1 a gate failed
-or something got worse, 2 bad input (one line says what), 130 interrupted."""
+or something got worse, 2 bad input (one line says what), 130 interrupted, 141
+whoever read the output has gone."""
 
 
 def page() -> str:

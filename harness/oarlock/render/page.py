@@ -8,7 +8,7 @@ import json
 import os
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,13 @@ def drawable(figures: Sequence[Figure]) -> list[Figure]:
 
 
 def page(
-    title: str, text: str, drawn: list[Figure], occasion: dict[str, Any], timed: Sequence[dict[str, Any]] = ()
+    title: str,
+    text: str,
+    drawn: list[Figure],
+    occasion: dict[str, Any],
+    timed: Sequence[dict[str, Any]] = (),
+    *,
+    folded: Collection[str] = (),
 ) -> str:
     """Renders Markdown as one HTML file without outside references. Links to other pages lead to their HTML.
 
@@ -83,6 +89,7 @@ def page(
         drawn: the charts.
         occasion: when and where it was made, such as commit and date.
         timed: rows of a table of timings.
+        folded: headings of sections that are closed until somebody opens them.
     """
     parser = MarkdownIt("commonmark", {"html": False}).enable("table")
 
@@ -102,12 +109,22 @@ def page(
         "page.html.j2",
         escaping=True,
         title=title,
-        body=parser.render(text),
+        body=_folded(parser.render(text), folded),
         specs=script_json(specs),
         library=script_library(),
         timings=timed,
         occasion=occasion,
     )
+
+
+def _folded(body: str, headings: Collection[str]) -> str:
+    """Puts sections of HTML, each from its heading to the next, into boxes that open."""
+    first, *sections = re.split(r"(?=<h2>)", body)
+    for number, section in enumerate(sections):
+        heading, mark, rest = section.partition("</h2>")
+        if html.unescape(heading.removeprefix("<h2>")) in headings:
+            sections[number] = f"<details><summary>{heading}{mark}</summary>{rest}</details>\n"
+    return "".join([first, *sections])
 
 
 def script_json(value: Any) -> str:

@@ -17,10 +17,14 @@ from oarlock.render.page import Figure, drawable, page
 from oarlock.render.template import render
 from oarlock.report import figures
 from oarlock.report.costs import Costs, times_of_reference
+from oarlock.report.glance import lights, sentence
 from oarlock.report.statements import Compared, statements
 from oarlock.report.tables import Tables
 from oarlock.tables.figures import TIMING_FIGURES, shown
 from oarlock.tables.folder import OCCASION, ResultFolder, believing, occasion_of
+
+FOLDED = ("Gates", "Runs", "Solves", "What a solve costs")
+"""Sections that the page shows where they are asked for."""
 
 PUSHING = {
     "limit_force": ("largest force of a limit (N or N m)", "The largest force of a limit."),
@@ -100,6 +104,8 @@ def markdown(tables: Tables, drawn: list[Figure]) -> str:
         tables=tables,
         compared=compared,
         costs=Costs(tables),
+        sentence=sentence(tables, compared),
+        lights=lights(tables, compared),
         statements=statements(tables, compared),
         case=tables.case,
         model=tables.case["model"],
@@ -111,7 +117,8 @@ def markdown(tables: Tables, drawn: list[Figure]) -> str:
 
 def html(tables: Tables, text: str, drawn: list[Figure]) -> str:
     """Renders the page with interactive figures, timings and the occasion, in one file without outside references."""
-    return page(tables.case["title"], text, drawn, occasion_of(tables.provenance), timings(tables)["runs"])
+    occasion, timed = occasion_of(tables.provenance), timings(tables)["runs"]
+    return page(tables.case["title"], text, drawn, occasion, timed, folded=FOLDED)
 
 
 def timings(tables: Tables) -> dict[str, Any]:

@@ -181,7 +181,7 @@ def iterations(steps: pl.DataFrame, counted: pl.DataFrame, paper: float | None) 
         text = (
             alt.Chart(mark)
             .mark_text(align="right", dy=-7, color="#d95f02")
-            .encode(y=y, text="text:N", x=alt.value(WIDTH - 180))
+            .encode(y=y, text="text:N", x=alt.value("width"))
         )
         line = line + rule + text
     bars = counted.sort("iterations").select(count=pl.col("iterations").cast(pl.String), solves="len")

@@ -17,6 +17,7 @@ import numpy as np
 from oarlock.base.numbers import figure
 from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.runs.recording import Recording
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import Equality, element_name
@@ -245,7 +246,7 @@ def motion(exam: Examination) -> Motion | None:
     exact = exam.exact if exam.exact is not None and len(exam.exact.qpos) else None
     count = int(min(FRAMES, max(20, NUMBERS / (4 * max(1, skeleton.size)))))
     spaced = finite[np.linspace(0, len(finite) - 1, min(count, len(finite))).astype(int)]
-    chosen = np.unique([*spaced, _widest(exam, finite)])
+    chosen = np.unique([*spaced, widest(recording, finite)])
     driven = drive(exam.model, exam.laws)
     points = skeleton.read(recording.qpos[chosen], recording.time[chosen], driven)
     beside = points[:0]
@@ -254,12 +255,12 @@ def motion(exam: Examination) -> Motion | None:
         beside = skeleton.read(exact.qpos[known], exact.time[known], driven)
     ended = recording.end.how == "finished"
     everything = points if ended or not len(beside) else beside
-    plane = _plane(exam, everything)
+    plane = drawing_plane(exam, everything)
     flat = everything @ plane.T
     low, high = (np.percentile(flat.reshape(-1, 2), q, axis=0) for q in ((0, 100) if ended or len(beside) else (2, 98)))
     span = float((high - low).max()) or 1.0
     wide = np.linalg.norm(skeleton.gaps(points), axis=2).max(axis=1, initial=0.0)
-    factor = _factor(float(wide.max(initial=0.0)), VISIBLE * span)
+    factor = exaggeration(float(wide.max(initial=0.0)), VISIBLE * span)
     drawn = {"MuJoCo": skeleton.exaggerated(points, factor)}
     if len(beside):
         drawn["exact"] = beside
@@ -284,10 +285,9 @@ def motion(exam: Examination) -> Motion | None:
     )
 
 
-def _widest(exam: Examination, finite: np.ndarray) -> int:
-    """The step at which a connect or weld is open furthest."""
-    assert exam.recording is not None
-    layout, position = exam.recording.layout, exam.recording.position
+def widest(recording: Recording, finite: np.ndarray) -> int:
+    """The step, one of some, at which a connect or weld is open furthest."""
+    layout, position = recording.layout, recording.position
     wide = np.zeros(len(finite))
     for place, equality in enumerate(layout.equalities):
         if equality.kind.joins_points:
@@ -296,7 +296,7 @@ def _widest(exam: Examination, finite: np.ndarray) -> int:
     return int(finite[wide.argmax()])
 
 
-def _factor(gap: float, wanted: float) -> float:
+def exaggeration(gap: float, wanted: float) -> float:
     """1, 2 or 5 times a power of ten: the largest that draws a gap no wider than wanted, and at least 1."""
     if not gap > 0.0 or gap >= wanted:
         return 1.0
@@ -305,7 +305,7 @@ def _factor(gap: float, wanted: float) -> float:
     return float(round(max(step * power for step in (1, 2, 5) if step * power <= most * (1.0 + 1e-12))))
 
 
-def _plane(exam: Examination, points: np.ndarray) -> np.ndarray:
+def drawing_plane(exam: Examination, points: np.ndarray) -> np.ndarray:
     """Right and up of the drawing in world axes (2, 3): the plane of the loops, or the usual view."""
     normals = [group.normal for group in exam.pose.loops.groups if group.dofs] if exam.pose else []
     planar = [normal for normal in normals if normal is not None]
