@@ -328,6 +328,15 @@ def test_a_run_that_diverges_is_blamed_on_its_settings():
     assert above[-1].line.startswith("the run diverges")
 
 
+def test_of_what_is_beyond_a_bound_the_worst_is_named_first():
+    """The same that the answer names."""
+    exam = examined(CHECK / "gripper_2f" / "scene.xml")
+    above = [finding for finding in of(judge(exam, fail_above=1e-9), "D7") if "drift" in finding.figures]
+    drifts = [finding.figures["drift"] for finding in above]
+    assert len(drifts) == 3
+    assert drifts == sorted(drifts, reverse=True)
+
+
 def test_a_solref_that_is_silently_changed():
     _, findings = as_it_is("ships_refsafe.xml")
     assert only(findings, "T4").line == "solref 0.001 1 is taken as 0.004 1, for it is below 2 h = 0.004 s"

@@ -402,9 +402,9 @@ def held(trial: Trial) -> str:
 
 
 def above(exam: Examination, bound: float) -> Iterator[Finding]:
-    """D7: whatever exceeds the user's own bound, or cannot be shown to keep it."""
+    """D7: whatever exceeds the user's own bound, or cannot be shown to keep it; what drifts furthest comes first."""
     expected = f"expected at most {bound:g} (m, rad)"
-    for one in exam.drifts:
+    for one in sorted(exam.drifts, key=lambda one: one.largest if one.largest == one.largest else np.inf, reverse=True):
         if one.level == "position" and not one.largest <= bound:
             parts = [(one.metres, "m"), (one.radians, "rad")]
             said = " and ".join(f"{value:.3g} {unit}" for value, unit in parts if value is not None and value > bound)
