@@ -340,11 +340,14 @@ class Stepper:
         projector: MultiplierSolver | None,
         beta: float,
         k: float,
+        sensors: bool,
+        energy: bool,
         require: Callable[[Any], None],
     ) -> Self:
         """Of an MjModel: who solves, who projects at the end of a step, and Baumgarte's terms (1/s, 1/s²).
 
-        ``require`` is called with an MjData to make sure that it is one of this model.
+        A step writes sensors and energies as well where it is asked to. ``require`` is called with an MjData to make
+        sure that it is one of this model.
         """
     def step(self, data: Any) -> None:
         """Takes a step with an MjData."""

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import oarlock
+import polars as pl
 import pytest
 from mechanisms import four_bar
 from oarlock.base.errors import InputError
@@ -56,6 +57,53 @@ def test_what_it_never_moves_is_left_alone():
     assert laws.held
 
 
+def pushes(model, data):
+    data.qfrc_applied[0] = 5.0
+
+
+def answers(model, data):
+    return np.zeros(model.nu)
+
+
+def steps(model, data):
+    mujoco.mj_step(model, data)
+
+
+class Integrates:
+    """A controller with a state of its own."""
+
+    def __init__(self):
+        self.sum, self.asked = 0.0, 0
+
+    def __call__(self, model, data):
+        self.asked += 1
+        self.sum += data.qpos[0]
+        data.ctrl[0] = -0.5 * data.qpos[0] - 0.1 * self.sum
+
+
+def test_one_with_a_state_walks_once():
+    """MuJoCo's run is that of its own loop; every other run is given the same controls."""
+    model = mujoco.MjModel.from_xml_string(XML)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    data, mine, theirs = mujoco.MjData(model), Integrates(), Integrates()
+    data.qvel[:] = 0.0
+    for _ in range(100):
+        mine(model, data)
+        mujoco.mj_step(model, data)
+    results = oarlock.run(model, control=theirs, mode="lockstep", solver="auto", duration=100 * model.opt.timestep)
+    assert theirs.asked == mine.asked == 100
+    other = oarlock.run(model, control=Integrates(), mode="free", solver="mujoco", duration=100 * model.opt.timestep)
+    for steps in (results.steps, other.steps):
+        assert steps["qpos"].to_list()[0] == model.qpos0.tolist()
+    last = other.steps.filter(pl.col("mode") == "free")["qpos"].to_list()[-1]
+    data_before = mujoco.MjData(model)
+    again = Integrates()
+    for _ in range(99):
+        again(model, data_before)
+        mujoco.mj_step(model, data_before)
+    assert np.abs(data_before.qpos - last).max() < 1e-12
+
+
 def raises(model, data):
     raise KeyError("gain")
 
@@ -69,6 +117,9 @@ def blows_up(model, data):
     [
         (raises, "control = raises raises KeyError at t = 0 s: 'gain'"),
         (blows_up, "control = blows_up gives nan for actuator 'idle' at t = 0.00"),
+        (pushes, r"control = pushes writes data\.qfrc_applied at t = 0 s, expected data\.ctrl alone"),
+        (answers, r"control = answers gives back ndarray, expected it to write data\.ctrl"),
+        (steps, r"control = steps writes data\.time at t = 0 s"),
         (3, "control = 3, expected actuator → control, or a controller"),
     ],
 )

@@ -211,3 +211,48 @@ def test_a_state_without_numbers_is_refused_and_the_stepper_goes_on():
     assert good.time == pytest.approx(model.opt.timestep)
     with pytest.raises(InputError, match=r"data\[1\]: the state at t = 0"):
         stepper.rollout([good, data], steps=3)
+
+
+def test_an_open_start_is_refused_and_a_closed_one_goes_on():
+    """What a projection would have to move further than a step goes is no exact step."""
+    model = mujoco.MjModel.from_xml_string(four_bar())
+    data, stepper = mujoco.MjData(model), oarlock.Stepper(model)
+    data.qvel[0] = 2.0
+    with pytest.raises(InputError, match=r"the loops stand open by .* close the start first \(stepper.close"):
+        stepper.step(data)
+    other, rolled = mujoco.MjData(model), oarlock.Stepper(model)
+    other.qvel[0] = 2.0
+    with pytest.raises(InputError, match=r"data\[0\]: the loops stand open by"):
+        rolled.rollout([other], steps=100)
+    stepper.close(data)
+    stepper.reset()
+    for _ in range(100):
+        stepper.step(data)
+    assert stepper.figures().projection == "landed"
+
+
+def test_sensors_and_energies_are_those_of_the_start_of_the_step():
+    """As mj_step leaves them, with the forces of the exact step."""
+    rest = '<sensor><jointpos joint="crank"/><jointvel joint="crank"/><jointactuatorfrc joint="crank"/></sensor>'
+    model = mujoco.MjModel.from_xml_string(four_bar(rest=rest))
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    data, stepper = mujoco.MjData(model), oarlock.Stepper(model)
+    data.qvel[0] = 2.0
+    stepper.close(data)
+    for _ in range(50):
+        before = data.qpos[0], data.qvel[0], sum(stepper.energy(data))
+        stepper.step(data)
+        assert data.sensordata[:2].tolist() == list(before[:2])
+        assert sum(data.energy) == pytest.approx(before[2], abs=1e-12)
+
+
+def test_without_an_active_equality_there_is_no_exact_step():
+    model = mujoco.MjModel.from_xml_string(four_bar())
+    data, stepper = mujoco.MjData(model), oarlock.Stepper(model)
+    data.eq_active[:] = 0
+    with pytest.raises(InputError, match=r"no equality is active, expected one at least: take mj_step"):
+        stepper.step(data)
+    with pytest.raises(InputError, match=r"index = -1, expected"):
+        stepper.figures(-1)
+    with pytest.raises(InputError, match=r"steps = 2\.5, expected a whole number"):
+        stepper.rollout([data], steps=2.5)

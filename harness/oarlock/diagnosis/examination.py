@@ -335,7 +335,10 @@ def _run(found: Examination) -> None:
     with _Reason(found, "run"):
         own, given = (found.model, found.qpos, found.qvel, found.laws, found.steps), found.states
         found.recording = record(*own, act=found.act, states=given)
-    if found.closed:
+    astray = found.recording.astray if found.recording is not None else ""
+    if astray:
+        found.missing["exact"] = found.missing["remedy"] = astray
+    elif found.closed:
         with _Reason(found, "exact"):
             model, pose = _exact_model(found), found.pose
             found.exact = record_exact(model, pose.qpos, pose.qvel, found.laws, found.steps, act=found.act)
@@ -351,6 +354,8 @@ def _run(found: Examination) -> None:
         found.missing["exact"] = "there is no closed start to run it from"
     if found.recording is not None:
         found.drifts = find_drifts(found.recording, found.exact)
+        if astray:  # what follows is measured by runs of the model, beside which these steps do not belong
+            return
         with _Reason(found, "collisions"):
             _collisions(found)
         if found.closed and found.recording.steps:
@@ -441,6 +446,8 @@ def starved(found: Examination) -> set[str]:
 
 
 def _remedy(found: Examination) -> None:
+    if "remedy" in found.missing:
+        return
     if not found.closed or found.pose is None:
         found.missing["remedy"] = "there is no closed start to try settings from"
     elif found.options.budget <= 0:

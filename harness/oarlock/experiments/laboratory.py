@@ -17,6 +17,7 @@ from oarlock.cases.truth import load_truth
 from oarlock.experiments.modes import MODES
 from oarlock.experiments.task import Task, Walk
 from oarlock.stepping import native_path
+from oarlock.stepping.beginning import Beginning
 from oarlock.stepping.native_path import NativePath
 from oarlock.stepping.path import Path as SteppingPath
 from oarlock.stepping.path import Spools, Tick, silent
@@ -64,11 +65,15 @@ class Laboratory:
         self._stepping = stepping
         self._setups: dict[tuple[IntegratorName, str], PreparedCase] = {}
         self._start: ConsistentStart | None = None
+        self._commanded: Beginning | None = None
 
     def setup(self, integrator: IntegratorName, settings: str = "default") -> PreparedCase:
         """The case, prepared anew; its start is looked for once, for it is the same for all of them."""
-        prepared = PreparedCase(self.case, self._truth, integrator, settings, self.conditions, self._start)
+        given = (self.conditions, self._start, self._commanded)
+        prepared = PreparedCase(self.case, self._truth, integrator, settings, *given)
         self._start = prepared.start
+        if self.conditions.motion.controller is not None:
+            self._commanded = prepared.begins
         return prepared
 
     def run(self, task: Task) -> Iterator[RunResult]:

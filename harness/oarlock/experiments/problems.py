@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 
 from oarlock.base import core
+from oarlock.base.arguments import require_number
 from oarlock.base.cores import one_thread
 from oarlock.base.errors import InputError, choose
 from oarlock.base.files import replacing
@@ -154,6 +155,8 @@ def export_problems(
         InputError: bad input, a run that ends before its first step, or more than ``BYTES``.
     """
     choose("form", form, ["hard", "matched"])
+    require_number("duration", duration, unit="s", positive=True)
+    require_number("timestep", timestep, unit="s", positive=True)
     if every < 1:
         raise InputError(f"every = {every}, expected a whole number ≥ 1")
     leader = SolverSpec.parse(walker)

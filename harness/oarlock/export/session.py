@@ -58,7 +58,7 @@ class Exported:
             said.append(f"counted from the pose that is written: {count} of the positions, named in --json")
         if not self.read:
             said.append(
-                f"not read back: {title} is not there; oarlock conform --install --engine {self.reader.program}"
+                f"not read back: {title} is not there; oarlock conform MODEL --install --engine {self.reader.program}"
             )
         return said + self.read
 

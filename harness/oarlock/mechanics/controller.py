@@ -11,7 +11,7 @@ from oarlock.base.errors import InputError, one_line
 from oarlock.mechanics.controls import Laws, actuators
 
 Controller = Callable[[mujoco.MjModel, mujoco.MjData], None]
-"""Writes ``data.ctrl`` before every step, as of ``mujoco.set_mjcb_control``."""
+"""Writes ``data.ctrl`` before every step, and nothing else."""
 
 
 def commanded(
@@ -56,13 +56,26 @@ def commanded(
     return Laws(dict.fromkeys(sampled, said), logs=sampled, held=True), said
 
 
+_READ = ("time", "qpos", "qvel", "act", "qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat", "eq_active")
+"""What a controller may read of a data, but not write."""
+
+
 def _ask(controller: Controller, called: str, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    before = {name: np.array(getattr(data, name)) for name in _READ}
     try:
-        controller(model, data)
+        answer = controller(model, data)
     except Exception as error:
         raise InputError(
             f"control = {called} raises {type(error).__name__} at t = {data.time:.6g} s: {one_line(error)}"
         ) from error
+    if answer is not None:
+        raise InputError(f"control = {called} gives back {type(answer).__name__}, expected it to write data.ctrl")
+    for name, values in before.items():
+        if not np.array_equal(getattr(data, name), values):
+            raise InputError(
+                f"control = {called} writes data.{name} at t = {before['time']:.6g} s, expected data.ctrl alone: "
+                "others are given the same controls, and nothing else"
+            )
     if not np.isfinite(data.ctrl).all():
         worst = int(np.flatnonzero(~np.isfinite(data.ctrl))[0])
         raise InputError(

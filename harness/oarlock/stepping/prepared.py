@@ -18,7 +18,7 @@ from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.inequalities import ignore_inequalities, may_act, refuse_unsupported
 from oarlock.mechanics.observed import Observed
 from oarlock.mechanics.prepare import load_mechanism
-from oarlock.stepping.beginning import along_run, beginning_of_case
+from oarlock.stepping.beginning import Beginning, along_run, beginning_of_case
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.projection import gap
 from oarlock.stepping.published import PublishedValues
@@ -165,6 +165,7 @@ class PreparedCase(Prepared):
         settings: str,
         conditions: Conditions = OWN,
         start: ConsistentStart | None = None,
+        commanded: Beginning | None = None,
     ):
         """Loads the model and closes its start.
 
@@ -176,6 +177,7 @@ class PreparedCase(Prepared):
             conditions: what differs from the case; at most ``MAX_STEPS`` steps long.
             start: of the same case under the same conditions, found with another integrator or other settings, on
                 which it does not depend; None: to be found.
+            commanded: what a controller commanded in an earlier one, which everybody is given; None: it is asked.
 
         Raises:
             InputError: the model or the case is wrong, or the start cannot be closed.
@@ -191,7 +193,7 @@ class PreparedCase(Prepared):
         self.start: ConsistentStart = start or consistent_start(model, case, conditions.seed, self.begins)
         steps = _steps(case, conditions.duration_s, float(model.opt.timestep))
         begins = replace(self.begins, qpos=self.start.qpos, qvel=self.start.qvel)
-        begins = along_run(model, begins, conditions.motion, steps)
+        begins = commanded or along_run(model, begins, conditions.motion, steps)
         self.begins = replace(self.begins, laws=begins.laws, driven=begins.driven)
         drive = controls.drive(model, self.begins.laws)
         self.told = str(self.begins) if case.bare or conditions.motion.given else None

@@ -63,9 +63,9 @@ class StepFigures:
 class Stepper:
     """Takes the steps of ``mj_step`` with loops that are exact; contacts, limits and friction are MuJoCo's own.
 
-    The integrator is the model's. After a step ``data`` holds the next state, and accelerations and constraint forces
-    of the step: ``qacc``, ``qfrc_constraint``, ``efc_force``. Controls and applied forces are taken as the data has
-    them; callbacks of the process are not asked. A step is that of ``oarlock.run``, bit for bit.
+    The integrator is the model's. After a step ``data`` holds the next state, and accelerations, constraint forces and
+    sensors of the step: ``qacc``, ``qfrc_constraint``, ``efc_force``, ``sensordata``. Controls and applied forces are
+    taken as the data has them; callbacks of the process are not asked. A step is that of ``oarlock.run``, bit for bit.
 
         stepper = oarlock.Stepper(model)
         while data.time < 10.0:
@@ -116,6 +116,8 @@ class Stepper:
             projector=TRACKED.make() if stabilisation in ("projection", "both") else None,
             beta=(DAMPING if beta is None else float(beta)) if damped else 0.0,
             k=(STIFFNESS if k is None else float(k)) if damped else 0.0,
+            sensors=model.nsensor > 0 and not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR),
+            energy=bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY)),
             require=self._require,
         )
 
@@ -123,7 +125,8 @@ class Stepper:
         """Takes one step, in place of ``mujoco.mj_step(model, data)``.
 
         Raises:
-            InputError: the data is of another model, the state is not finite, or the loops cannot be closed any more.
+            InputError: the data is of another model, the state is not finite, no equality is active, or the loops stand
+                open further than a step explains: a start is to be closed first.
         """
         self._core.step(data)
 
@@ -154,6 +157,8 @@ class Stepper:
             raise InputError(
                 f"ctrl of the shape {given.shape}, expected ({len(data)}, steps, {self._model.nu}): data, steps, nu"
             )
+        if steps is not None and not isinstance(steps, int):
+            raise InputError(f"steps = {steps!r}, expected a whole number ≥ 1")
         count = steps if steps is not None else given.shape[1] if given is not None else 0
         if count < 1 or (given is not None and given.shape[1] != count):
             raise InputError(f"steps = {steps}, expected a whole number ≥ 1, as ctrl has them")
@@ -174,6 +179,8 @@ class Stepper:
 
     def figures(self, index: int = 0) -> StepFigures | None:
         """What the last step did, of the data with that number in a rollout; None before the first."""
+        if index < 0:
+            raise InputError(f"index = {index}, expected the number of a data in a rollout, from 0 on")
         found = self._core.figures(index)
         return None if found is None else StepFigures(**found)
 

@@ -24,6 +24,9 @@ typedef struct mjContact_ mjContact;
   X(mj_RungeKutta, void, (const mjModel*, mjData*, int))                                          \
   X(mj_Euler, void, (const mjModel*, mjData*))                                                    \
   X(mj_implicit, void, (const mjModel*, mjData*))                                                 \
+  X(mj_sensorPos, void, (const mjModel*, mjData*))                                                \
+  X(mj_sensorVel, void, (const mjModel*, mjData*))                                                \
+  X(mj_sensorAcc, void, (const mjModel*, mjData*))                                                \
   X(mj_energyPos, void, (const mjModel*, mjData*))                                                \
   X(mj_energyVel, void, (const mjModel*, mjData*))                                                \
   X(mj_solveM, void, (const mjModel*, mjData*, double*, const double*, int))                      \

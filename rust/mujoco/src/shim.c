@@ -231,6 +231,11 @@ static void run(int stage, const mjModel* m, mjData* d) {
       api.mj_energyVel(m, d);
       break;
     case OARLOCK_STEP: api.mj_step(m, d); break;
+    case OARLOCK_SENSORS:
+      api.mj_sensorPos(m, d);
+      api.mj_sensorVel(m, d);
+      api.mj_sensorAcc(m, d);
+      break;
     default: break;
   }
 }

@@ -53,6 +53,7 @@ enum {
   OARLOCK_INTEGRATE,
   OARLOCK_ENERGY,
   OARLOCK_STEP,
+  OARLOCK_SENSORS,     // all of them, at a state whose stages are done and whose forces are written
 };
 
 // Where one version of MuJoCo keeps what the shim reads: offsets in its structs, in the order of OARLOCK_FIELDS.

@@ -10,7 +10,7 @@ use crate::drive::Drive;
 use crate::error::Error;
 use crate::force::{SolvedForce, Tally};
 use crate::library::{Data, Model, without_timers};
-use crate::projection::{Projection, Projector};
+use crate::projection::{Landing, Projection, Projector};
 use crate::state::{Baumgarte, Form, State};
 use crate::vectors::largest;
 use crate::walker::{ForcedWalker, bounded, is_sane};
@@ -21,7 +21,17 @@ pub struct Stepper {
     terms: Baumgarte,
     solver: Box<dyn MultiplierSolver>,
     projector: Option<Box<dyn MultiplierSolver>>,
+    noted: Noted,
     lanes: Vec<Lane>,
+}
+
+/// What a step writes into a data besides its state and forces.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Noted {
+    /// Sensors.
+    pub sensors: bool,
+    /// Energies.
+    pub energy: bool,
 }
 
 /// What the last step of a lane did.
@@ -47,6 +57,7 @@ struct Lane {
     begun: bool,
     /// m or rad.
     drift: f64,
+    noted: Noted,
 }
 
 impl Stepper {
@@ -59,9 +70,10 @@ impl Stepper {
         terms: Baumgarte,
         solver: Box<dyn MultiplierSolver>,
         projector: Option<Box<dyn MultiplierSolver>>,
+        noted: Noted,
     ) -> Result<Self, Error> {
         let model = Arc::new(model.unsolved(model.timestep())?);
-        let mut stepper = Self { model, terms, solver, projector, lanes: Vec::new() };
+        let mut stepper = Self { model, terms, solver, projector, noted, lanes: Vec::new() };
         stepper.reach(1)?;
         Ok(stepper)
     }
@@ -85,7 +97,7 @@ impl Stepper {
             let projector =
                 self.projector.as_deref().map(|solver| Projector::new(&self.model, fresh(solver)));
             let walker = ForcedWalker::new(Data::new(&self.model)?, Drive::default(), force, projector)?;
-            self.lanes.push(Lane { walker, begun: false, drift: 0.0 });
+            self.lanes.push(Lane { walker, begun: false, drift: 0.0, noted: self.noted });
         }
         Ok(())
     }
@@ -175,8 +187,21 @@ impl Lane {
         {
             projector.begin_at(&mut walker.data)?;
         }
+        walker.data.position_stage()?;
+        if walker.data.ne() == 0 {
+            return Err(Error::Refused(
+                "no equality is active, expected one at least: take mj_step".to_owned(),
+            ));
+        }
         walker.look()?;
         self.drift = largest(walker.data.pos());
+        // As mj_step leaves them: those of the start of the step.
+        if self.noted.sensors {
+            walker.data.sensors()?;
+        }
+        if self.noted.energy {
+            walker.data.energy()?;
+        }
         if !bounded(walker.data.qacc()) {
             return Err(Error::Refused(format!(
                 "the acceleration at t = {:.6} s is beyond all bounds",
@@ -184,8 +209,16 @@ impl Lane {
             )));
         }
         walker.step()?;
-        if walker.projector.is_some() {
+        if let Some(projector) = &walker.projector {
             self.drift = largest(walker.data.pos());
+            if projector.last.is_some_and(|last| last.landing == Landing::TooFar) {
+                return Err(Error::Refused(format!(
+                    "the loops stand open by {:.3e} at t = {:.6} s, more than a step explains: close the start first \
+                     (stepper.close(data))",
+                    self.drift,
+                    walker.data.time()
+                )));
+            }
         }
         if is_sane(&walker.data) {
             return Ok(());

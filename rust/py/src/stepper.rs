@@ -31,7 +31,8 @@ impl Stepper {
     /// Of an `MjModel`: who solves, who projects at the end of a step, Baumgarte's terms (1/s, 1/s²), and what is called with
     /// an `MjData` to make sure that it is one of this model.
     #[new]
-    #[pyo3(signature = (model, *, solver, projector, beta, k, require))]
+    #[pyo3(signature = (model, *, solver, projector, beta, k, sensors, energy, require))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyAny>,
@@ -39,6 +40,8 @@ impl Stepper {
         projector: Option<PyRef<'_, MultiplierSolver>>,
         beta: f64,
         k: f64,
+        sensors: bool,
+        energy: bool,
         require: Py<PyAny>,
     ) -> PyResult<Self> {
         let projector = projector.map(|solver| solver.fresh()).transpose()?;
@@ -47,6 +50,7 @@ impl Stepper {
             Baumgarte { beta, k },
             solver.fresh()?,
             projector,
+            native::stepper::Noted { sensors, energy },
         );
         made.map(|inner| Self { inner: Mutex::new(inner), known: Mutex::default(), require })
             .map_err(|error| raised(py, &error))

@@ -66,10 +66,13 @@ def test_the_log_of_a_run_is_that_run(tmp_path, kind):
 def test_forces_that_the_log_does_not_have_leave_the_causes_open(tmp_path):
     """Its drift is what was measured; by what it came about is not known, and is not said."""
     rows = logged(np.array([0.0, 0.0, 30.0]))
-    checked = oarlock.check(XML, states=saved(tmp_path, rows), budget=0)
+    checked = oarlock.check(XML, states=saved(tmp_path, rows), budget=1)
     exam = checked.examination
-    assert exam.attribution is None
+    assert exam.attribution is exam.exact is exam.recipe is None
     assert "misses the next one by up to" in exam.missing["causes"]
+    (finding,) = [one for one in checked.verdict if one.code == "R3"]
+    assert finding.severity == "warning"
+    assert finding.figures["strayed"] == exam.recording.strayed
     model = mujoco.MjModel.from_xml_string(XML)
     data = mujoco.MjData(model)
     worst = 0.0
@@ -117,3 +120,9 @@ def test_a_log_has_start_and_controls(tmp_path):
         oarlock.check(XML, states=path, keyframe="home")
     with pytest.raises(InputError, match=r"expected a log of states FILE.csv or FILE.npz"):
         oarlock.check(XML, states="log.txt")
+
+
+def test_a_fix_is_not_tried_beside_a_log(tmp_path):
+    checked = oarlock.check(XML, states=saved(tmp_path, logged()), budget=0)
+    with pytest.raises(InputError, match=r"expected no log of states"):
+        checked.fix(tmp_path / "fixed.xml")

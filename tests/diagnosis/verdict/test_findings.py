@@ -39,6 +39,7 @@ NAMES = {
     "S3": "locked",
     "R1": "diverged",
     "R2": "inequalities-active",
+    "R3": "log-not-reproduced",
     "U4": "dead-point",
     "U5": "branch",
     "U3": "shared-with-contacts",

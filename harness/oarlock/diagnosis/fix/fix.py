@@ -15,7 +15,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from oarlock.base.errors import few
+from oarlock.base.errors import InputError, few
 from oarlock.base.numbers import finite
 from oarlock.base.text import called, quoted
 from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
@@ -224,6 +224,8 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         InputError: the model is no MJCF file, or ``out`` is the model itself or cannot be written.
     """
     require_place(exam.path, out)
+    if exam.states is not None:
+        raise InputError("a fix is tried by runs of the model, expected no log of states (--states)")
     bench = Bench.of(exam)
     choice = choose_changes(bench)
     written = write_copies(bench.base.path, out, choice.changes)

@@ -310,6 +310,8 @@ def _run(exam: Examination) -> Iterator[Finding]:
     if recording.end.how == "diverged":
         said = "; ".join([recording.end.message, *_lasts_finer(exam)])
         yield found("R1", exam.file, said, time_s=recording.end.time_s)
+    if astray := recording.astray:
+        yield found("R3", exam.file, astray, strayed=recording.strayed)
     if recording.pushes:
         first = min(push.first_s for push in recording.pushes)
         last = max(push.last_s for push in recording.pushes)

@@ -26,6 +26,7 @@ enum Stage {
     Integrate,
     Energy,
     Step,
+    Sensors,
 }
 
 /// A state of a model, with everything that MuJoCo computes from it.
@@ -151,7 +152,7 @@ impl Data {
         self.rows = rows_of(self.raw);
         self.placed = match stage {
             Stage::Forward | Stage::Position | Stage::Smooth => done.is_ok(),
-            Stage::Rates | Stage::Constraint | Stage::Energy => self.placed && done.is_ok(),
+            Stage::Rates | Stage::Constraint | Stage::Energy | Stage::Sensors => self.placed && done.is_ok(),
             Stage::Integrate | Stage::Step => false,
         };
         done
@@ -213,6 +214,14 @@ impl Data {
         self.run(Stage::Energy)?;
         // SAFETY: two numbers of the struct itself.
         Ok(unsafe { [*self.view.energy, *self.view.energy.add(1)] })
+    }
+
+    /// Sensors, at a state whose stages are done and whose forces are written.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`].
+    pub fn sensors(&mut self) -> Result<(), Error> {
+        self.run(Stage::Sensors)
     }
 
     /// `whitened` = H `vectors`, several of nv one after another, where M⁻¹ = Hᵀ H; `roots` (nv) are the square roots of
