@@ -141,6 +141,14 @@ def test_meshes_of_a_urdf_are_found_from_the_copy(tmp_path, folder, meshdir, nam
         assert sorted(path.name for path in other.iterdir()) == ["closed.xml"]
 
 
+def test_a_point_is_for_bodies_alone(tmp_path):
+    with pytest.raises(
+        InputError, match=r"a point \(--at\) for 'tip1', which has a place of its own: expected two bodies"
+    ):
+        close_loops(written(tmp_path), tmp_path / "out.xml", [("tip1", "tip2")], at=[1.0, 2.0, 3.0])
+    assert not (tmp_path / "out.xml").exists()
+
+
 def test_two_bodies_are_joined_as_they_are_drawn(tmp_path):
     out = tmp_path / "out.xml"
     closing = close_loops(written(tmp_path), out, [("coupler", "rocker")], at=[0.5, 0.0, 0.5])

@@ -130,6 +130,8 @@ def check(
 def _one(file: str, asked: Asked, report: Path | None) -> Outcome:
     try:
         return checked_file(file, asked, report)
+    except BrokenPipeError:  # nobody reads: of no file is there anything left to say
+        raise
     except (InputError, OSError) as error:
         outcome = refused(file, error)
         say(f"oarlock: {outcome.refused}")

@@ -145,9 +145,14 @@ def console(*, error: bool = False) -> "Console":
     """
     from rich.console import Console
 
+    class Plain(Console):
+        def on_broken_pipe(self) -> None:
+            """Leaves it to ``ends``, which knows the status of a reader that has gone."""
+            raise BrokenPipeError
+
     colours = None if os.environ.get("NO_COLOR") or text_only() else "auto"
     wide = None if (sys.stderr if error else sys.stdout).isatty() else WIDE
-    return Console(stderr=error, color_system=colours, width=wide)
+    return Plain(stderr=error, color_system=colours, width=wide)
 
 
 def text_only() -> bool:

@@ -131,7 +131,11 @@ def _close(
     for number, (pair, name) in enumerate(named.items()):
         first, second = found[2 * number : 2 * number + 2]
         require_apart(model, first, second)
-        if at is not None or (first.moving and second.moving):
+        bodies = first.moving and second.moving
+        if at is not None and not bodies:
+            named = next(one.name for one in (first, second) if not one.moving)
+            raise InputError(f"a point (--at) for '{named}', which has a place of its own: expected two bodies")
+        if bodies:
             first, second = as_drawn(model, first, second, at)
         require_open(model, first, second)
         if any({one.first.name, one.second.name} == {*pair} for one in joinings):
