@@ -102,3 +102,20 @@ def test_too_much_is_refused(monkeypatch):
 def test_another_ending_is_refused(tmp_path, boat):
     with pytest.raises(InputError, match=r"expected a file whose name ends in \.npz or \.parquet"):
         boat.save(tmp_path / "boat.csv")
+
+
+def test_what_was_collected_before_a_run_ends_is_kept():
+    """A solver that gives up half-way ends its walk; the problems so far are there."""
+    asked = [0]
+
+    def tires(A, b):
+        asked[0] += 1
+        if asked[0] > 20:
+            raise RuntimeError("tired")
+        return np.linalg.lstsq(A, b, rcond=1e-10)[0]
+
+    oarlock.register_solver("tires", tires)
+    problems = oarlock.export_problems("boat", walker="tires", duration=0.05)
+    assert 0 < len(problems) <= 20
+    assert "solver 'tires': it raises RuntimeError: tired" in problems.ended
+    assert problems.ended.startswith("the run ends at t = 0.0")

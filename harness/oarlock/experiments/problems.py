@@ -68,12 +68,14 @@ class Problems:
         form: ``hard`` or ``matched``.
         walker: who walked: a solver, or ``mujoco``.
         steps: of each, the arrays of ``COLUMNS``.
+        ended: what ended the run before its last step; empty if nothing did.
     """
 
     model: str
     form: Form
     walker: str
     steps: list[dict[str, np.ndarray]] = field(repr=False)
+    ended: str = ""
 
     def __len__(self) -> int:
         return len(self.steps)
@@ -107,6 +109,7 @@ class Problems:
             "model": self.model,
             "form": self.form,
             "walker": self.walker,
+            "ended": self.ended,
             "columns": COLUMNS,
             "versions": versions(),
         }
@@ -165,12 +168,13 @@ def export_problems(
         prepared = PreparedCase(
             case, None, case.file.run.integrator, "default", Conditions(timestep, duration, motion=motion)
         )
-        return Problems(case.name, form, walker, _collected(prepared, form, leader, case.file.rank_cut, every))
+        steps, ended = _collected(prepared, form, leader, case.file.rank_cut, every)
+        return Problems(case.name, form, walker, steps, ended)
 
 
 def _collected(
     prepared: PreparedCase, form: Form, leader: SolverSpec, rank_cut: float | None, every: int
-) -> list[dict[str, np.ndarray]]:
+) -> tuple[list[dict[str, np.ndarray]], str]:
     by_mujoco = leader.name == MUJOCO
     own = prepared.model if by_mujoco else unsolved(prepared.model, prepared.timestep_s)
     data, moving = prepared.data(own), Moving.of(own, prepared.drive)
@@ -184,21 +188,28 @@ def _collected(
         )
         last = Projector(own, rank_cut, TRACKED, left=prepared.left, moving=moving)
         walker = ForcedWalker(own, data, prepared.drive, force, last, moving, follows=True)
-    question, found, taken = Question(state, form), [], 0
+    question, found, taken, ended = Question(state, form), [], 0, ""
     with prepared.drive.installed(), np.errstate(over="ignore", invalid="ignore"):
-        for step in walk(walker, prepared.steps):
-            if step % every == 0 and data.ne:  # without rows there is no problem
-                state.read()
-                found.append(_problem(own, state, question, form, reference))
-                taken += sum(array.nbytes for array in found[-1].values())
-                if taken > BYTES:
-                    raise InputError(
-                        f"more than {BYTES} bytes after {len(found)} of {-(-prepared.steps // every)} problems, "
-                        "expected a shorter run (--duration), or fewer of its steps (--every)"
-                    )
+        try:
+            for step in walk(walker, prepared.steps):
+                if step % every == 0 and data.ne:  # without rows there is no problem
+                    state.read()
+                    found.append(_problem(own, state, question, form, reference))
+                    taken += sum(array.nbytes for array in found[-1].values())
+                    if taken > BYTES:
+                        break
+        except InputError as error:
+            if not found:
+                raise
+            ended = f"the run ends at t = {data.time:.6g} s: {error}"
+    if taken > BYTES:
+        raise InputError(
+            f"more than {BYTES} bytes after {len(found)} of {-(-prepared.steps // every)} problems, "
+            "expected a shorter run (--duration), or fewer of its steps (--every)"
+        )
     if not found:
         raise InputError("the run ends before its first step, expected one that begins")
-    return found
+    return found, ended
 
 
 def _problem(
