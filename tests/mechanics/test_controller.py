@@ -134,3 +134,10 @@ def test_a_controller_is_alone(tmp_path):
         oarlock.check(XML, control=follows, controls="random")
     with pytest.raises(InputError, match="the model has no actuators"):
         oarlock.check(four_bar(), control=follows)
+
+
+@pytest.mark.parametrize("law", ["1/t", "sqrt(t - 1)"])
+def test_a_law_without_a_value_at_the_start_is_a_mistake(law):
+    """Nothing is run, and no finding speaks of anything else."""
+    with pytest.raises(InputError, match=r"at t = 0 s, expected a finite control"):
+        oarlock.check(XML, control={"motor": law}, budget=0)

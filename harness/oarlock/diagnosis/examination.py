@@ -210,6 +210,7 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
     elif options.motion.controller is not None:
         start = (found.qpos, found.qvel, found.act)
         found.laws, found.driven = commanded(model, start, options.motion.controller, found.steps)
+    controls.drive(model, found.laws).apply(mujoco.MjData(model))  # a law without a value at the start is a mistake
     return found
 
 
