@@ -22,6 +22,9 @@ from oarlock.stepping.state import State
 from random_mechanisms.generator import Mechanism, Part
 from random_mechanisms.oracle import exact
 
+OURS = tuple(solvers())
+"""As long as no test has brought one of its own."""
+
 STEPS = 50
 
 FREE = ("auto", "pinv", "sr1-tracked")
@@ -180,7 +183,7 @@ def judge(mechanism: Mechanism, names: tuple[str, ...] = (), free: tuple[str, ..
         names: solvers in lockstep; all, if left out.
         free: solvers that walk alone.
     """
-    names = names or tuple(solvers())
+    names = names or OURS
     verdict = Verdict(mechanism)
     theirs, path = _path(mechanism)
     path.free(SolverSpec(MUJOCO), None, None)
