@@ -123,3 +123,13 @@ def _watch(parent: int) -> None:
         elif wait([started_by.sentinel], _LOOK_S):
             break
     os._exit(1)  # nobody is left to hear of it
+
+
+def how_ended(code: int) -> str:
+    """How a process ended, by its return code: its status, or the signal that ended it."""
+    if code >= 0:
+        return f"status {code}"
+    try:
+        return signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Generic, Protocol, TypeVar
 
 from oarlock.base.errors import InputError
-from oarlock.base.processes import end_with_parent
+from oarlock.base.processes import end_with_parent, how_ended
 from oarlock.base.pulse import felt_by
 from oarlock.base.scratch import scratch
 
@@ -144,7 +144,7 @@ class LocalWorkers:
         codes = [p.exitcode for p in processes if p not in forced and p.exitcode not in (None, 0, -signal.SIGTERM)]
         if not codes or codes[0] is None:
             return "its process ended"
-        return f"its process ended with {_signal_or_status(codes[0])}"
+        return f"its process ended with {how_ended(codes[0])}"
 
     def expire(self) -> "set[Future[Any]]":
         """Ends all processes if one item has been silent for too long; see ``Workers``."""
@@ -216,15 +216,6 @@ def _from_file(result: "Future[Any]", file: "Future[str]") -> None:
         result.set_exception(error)
     else:
         result.set_result(content)
-
-
-def _signal_or_status(code: int) -> str:
-    if code >= 0:
-        return f"status {code}"
-    try:
-        return signal.Signals(-code).name
-    except ValueError:
-        return f"signal {-code}"
 
 
 @contextmanager

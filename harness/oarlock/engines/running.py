@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.base.processes import how_ended
 from oarlock.base.pulse import beat
 from oarlock.base.scratch import scratch_folder
 from oarlock.engines.environments import Environment
@@ -161,7 +162,7 @@ def _attend(process: "subprocess.Popen[bytes]", name: str, silence_s: float, hea
     for reader in readers:
         reader.join(_LOOK_S)
     if process.returncode not in (0, NOT_EXPRESSIBLE):
-        raise EngineError(f"{name} ended with {_how(process.returncode)}{_last(complaints)}", b"".join(complaints))
+        raise EngineError(f"{name} ended with {how_ended(process.returncode)}{_last(complaints)}", b"".join(complaints))
     return process.returncode
 
 
@@ -185,15 +186,6 @@ def _last(complaints: "deque[bytes]") -> str:
     # What comes after an exception explains it, or says how to see more.
     raised = [line for line in lines if _RAISED.match(line)]
     return f": {(raised or lines)[-1][:300]}" if lines else ""
-
-
-def _how(code: int) -> str:
-    if code >= 0:
-        return f"status {code}"
-    try:
-        return signal.Signals(-code).name
-    except ValueError:
-        return f"signal {-code}"
 
 
 def end(process: "subprocess.Popen[bytes]") -> None:
