@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 from mechanisms import setup_of
 from oarlock.cases.case import Case, load_case
-from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.beginning import begin
+from oarlock.diagnosis.examination import examine
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.mechanics.controls import written_out
 from oarlock.mechanics.load import load_model

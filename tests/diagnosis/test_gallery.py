@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from gallery import looked_at, piece
 from oarlock import model_names
-from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.beginning import begin
+from oarlock.diagnosis.examination import examine
 from oarlock.diagnosis.options import BUDGET_S, CheckOptions
 from oarlock.diagnosis.runs.budget import charge
 from oarlock.diagnosis.runs.recipe import STIFF_SOLIMP, deadbeat

@@ -132,7 +132,7 @@ def begun(model: "Model", options: CheckOptions) -> "Examination":
         InputError: as ``check``.
     """
     require_threads()
-    from oarlock.diagnosis.examination import begin
+    from oarlock.diagnosis.beginning import begin
     from oarlock.mechanics.given import path_of
 
     file = path_of(model)

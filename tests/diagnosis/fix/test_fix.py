@@ -15,7 +15,8 @@ import pytest
 from mechanisms import four_bar, write_model
 from oarlock import InputError
 from oarlock.base.numbers import figure
-from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.beginning import begin
+from oarlock.diagnosis.examination import examine
 from oarlock.diagnosis.fix.fix import fix_model
 from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.options import CheckOptions

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from oarlock.base.numbers import figure
-from oarlock.diagnosis.examination import PARTS, begin, examine
+from oarlock.diagnosis.beginning import begin
+from oarlock.diagnosis.examination import PARTS, examine
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page.blocks import Chapter, Code, Findings, Picture, Table, Text
 from oarlock.diagnosis.page.chapters.contents import CHAPTERS, chapters

@@ -4,7 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 from mechanisms import write_model
-from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.beginning import begin
+from oarlock.diagnosis.examination import examine
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page.motion import Skeleton, motion, still
 from oarlock.experiments.sketch import sketch

@@ -14,7 +14,8 @@ from markdown_it import MarkdownIt
 from oarlock import InputError
 from oarlock.base.numbers import figure
 from oarlock.base.text import one_line as plain
-from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.beginning import begin
+from oarlock.diagnosis.examination import examine
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.wrenches import Series, Wrench
 from oarlock.diagnosis.options import CheckOptions

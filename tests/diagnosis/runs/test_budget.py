@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 from gallery import piece
-from oarlock.diagnosis.examination import begin, examine
+from oarlock.diagnosis.beginning import begin
+from oarlock.diagnosis.examination import examine
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page.document import document
 from oarlock.diagnosis.page.page import html_fragment

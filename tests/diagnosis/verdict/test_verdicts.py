@@ -11,7 +11,7 @@ import pytest
 from gallery import looked_at
 from mechanisms import four_bar, write_model
 from oarlock import InputError
-from oarlock.diagnosis.examination import begin
+from oarlock.diagnosis.beginning import begin
 from oarlock.diagnosis.loops.gaps import Opening
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.verdict.blame import in_words, merged

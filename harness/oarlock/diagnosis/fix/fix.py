@@ -18,10 +18,11 @@ from typing import Any
 from oarlock.base.errors import InputError, few
 from oarlock.base.numbers import finite
 from oarlock.base.text import called, quoted
+from oarlock.diagnosis.beginning import begin
 from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import write_copies
 from oarlock.diagnosis.edit.place import require_place
-from oarlock.diagnosis.examination import Examination, begin, examine
+from oarlock.diagnosis.examination import Examination, examine
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.fix.choice import Choice
 from oarlock.diagnosis.fix.search import choose_changes, described
