@@ -157,6 +157,44 @@ def test_the_command_without_any_optional_engine(model, tmp_path, monkeypatch, o
     assert "mjx" in offered[0]
 
 
+def test_a_suite_asks_engines_as_well(model, tmp_path, oarlock_here):
+    """Each as a unit: one that crashes costs itself, and what was finished is kept."""
+    asked = [option for name in ("true", "crashes") for option in ("--engine", program(tmp_path, name))]
+    done = oarlock_here("suite", model, *asked, "--jobs", 2, "--json", "-", "--out", "out")
+    assert done.returncode == 1, done.stderr
+    assert "engine failed: tiny crashes: crashes ended with status 7: it is broken" in done.stderr
+    document = json.loads(done.stdout)
+    assert document["runs"]
+    assert document["failures"] == []
+    assert names(document["engines"]["rows"]) == {"true": "agrees"}
+    assert (tmp_path / "out" / "report" / "conform" / "README.md").is_file()
+    assert (tmp_path / "out" / "report" / "tiny" / "README.md").is_file()
+    again = oarlock_here("suite", model, *asked, "--jobs", 2, "--json", "-", "--out", "out")
+    finished = [line for line in again.stderr.splitlines() if line.startswith("  ") and "README" not in line]
+    assert [line.split()[:2] for line in finished] == [["tiny", "crashes"]]
+    # The page of the engines outlasts a suite without them, and its document has none.
+    alone = oarlock_here("suite", model, "--jobs", 2, "--json", "-", "--out", "out")
+    assert alone.returncode == 0, alone.stderr
+    assert "engines" not in json.loads(alone.stdout)
+    assert (tmp_path / "out" / "report" / "conform" / "README.md").is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--engine", "nothing"), "nothing"),
+        (("--engine", "mujoco", "--engine", "mujoco"), "expected each once"),
+        (("--engine", "mujoco", "--sweep", "timestep=1e-3:2e-3:2"), "--sweep and --engine"),
+    ],
+)
+def test_a_suite_refuses_engines_before_it_runs(model, options, said, tmp_path, oarlock_here):
+    done = oarlock_here("suite", model, *options, "--out", "out")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert said in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_command_versions(model, tmp_path, monkeypatch, oarlock_here):
     """Two names for this very MuJoCo: folders of versions that hold nothing."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

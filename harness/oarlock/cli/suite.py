@@ -9,7 +9,9 @@ from oarlock.cli.bar import bar
 from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, emit_json, ends, say
 
 if TYPE_CHECKING:
+    from oarlock.base.progress import Progress
     from oarlock.batch.suite import Suite
+    from oarlock.conform.session import Matrix
 
 
 @ends()
@@ -53,9 +55,25 @@ def suite(
             "which disturbs the start. Several make a grid.",
         ),
     ] = None,
+    engine: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME[@VERSION]…",
+            help="Ask this engine about every model as well, as 'oarlock conform' does: results in OUT/conform, page "
+            "in the report's folder conform; may be repeated.",
+        ),
+    ] = None,
 ) -> None:
     """Every model × its experiments, in parallel; resumes where it stopped, repeats what changed, writes the report."""
+    from oarlock.base.errors import InputError
     from oarlock.batch import session
+
+    if sweep and engine:
+        raise InputError("--sweep and --engine, expected one of them: engines are asked about the models as they are")
+    if engine:
+        from oarlock.conform.session import require_engines
+
+        require_engines(engine)
 
     wanted: dict[str, Any] = {
         "out": out,
@@ -70,12 +88,34 @@ def suite(
             found = session.sweep(models or [], sweep, progress=progress, **wanted)
         else:
             found = session.suite(models or [], progress=progress, **wanted)
+        matrix = _asked(found, engine, wanted, progress) if engine else None
     _say_motions(found)
     _say_what_failed(found)
+    document, status = found.document(), found.status
+    if matrix:
+        document["engines"], status = matrix.document(), max(status, matrix.status)
+        _say_engines(matrix, wanted["report"] / "conform")
     if as_json:
-        emit_json(found.document(), as_json)
-    if found.status:
-        raise typer.Exit(found.status)
+        emit_json(document, as_json)
+    if status:
+        raise typer.Exit(status)
+
+
+def _asked(found: "Suite", engines: list[str], wanted: dict[str, Any], progress: "Progress") -> "Matrix":
+    from oarlock.conform.session import conform
+
+    models = [member.asked for member in found.members if not member.refused]
+    shared = {name: wanted[name] for name in ("jobs", "scheduler", "fresh")}
+    silence = wanted["unit_timeout"]
+    return conform(models, engines, out=wanted["out"] / "conform", silence=silence, progress=progress, **shared)
+
+
+def _say_engines(matrix: "Matrix", folder: Path) -> None:
+    from oarlock.cli.conform import say_failures
+    from oarlock.conform.page import write_page
+
+    say_failures(matrix)
+    say(f"oarlock: written: {write_page(matrix.document(), folder) / 'README.md'}")
 
 
 def _say_motions(suite: "Suite") -> None:

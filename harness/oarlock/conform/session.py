@@ -134,6 +134,33 @@ def available() -> list[Engine]:
     return [engine for engine in found if environments.find(engine) is not None]
 
 
+def require_engines(engines: Sequence[str]) -> list[Engine]:
+    """Engines by name, each once and each there.
+
+    Args:
+        engines: ``NAME[@VERSION][:key=value,…][=PYTHON]``.
+
+    Raises:
+        InputError: no such engine, one that is not there, or one that is named twice.
+    """
+    chosen = _once(engines)
+    for engine in chosen:
+        if environments.find(engine) is None:
+            raise _lacking(engine)
+    return chosen
+
+
+def _once(engines: Sequence[str]) -> list[Engine]:
+    chosen = [parse_engine(text) for text in engines]
+    if len({engine.name for engine in chosen}) < len(chosen):
+        raise InputError(f"engines {few([engine.name for engine in chosen])}, expected each once")
+    return chosen
+
+
+def _lacking(engine: Engine) -> InputError:
+    return InputError(f"engine '{engine.name}' is not installed: {environments.how_to(engine)}")
+
+
 def conform(
     models: Sequence[str],
     engines: Sequence[str] = (),
@@ -173,10 +200,8 @@ def conform(
     require_number("tolerance", tolerance)
     require_number("silence", silence, unit="s")
     progress = progress or Progress()
-    chosen = [parse_engine(text) for text in engines] or available()
+    chosen = _once(engines) or available()
     matrix = Matrix(_members(models, out), {engine.name: engine for engine in chosen}, states, seed, tolerance)
-    if len(matrix.engines) < len(chosen):
-        raise InputError(f"engines {few([engine.name for engine in chosen])}, expected each once")
     homes = _homes(matrix, bool(engines), install, progress)
     folders = [member.ledger.folder.path for member in matrix.members]
     with (
@@ -206,7 +231,7 @@ def _homes(matrix: Matrix, named: bool, install: bool, progress: Progress) -> di
     for name, engine in matrix.engines.items():
         found = environments.make(engine, progress.note) if install else environments.find(engine)
         if found is None and named:
-            raise InputError(f"engine '{name}' is not installed: {environments.how_to(engine)}")
+            raise _lacking(engine)
         if found is not None:
             homes[name] = found
     if not named:
