@@ -2,6 +2,7 @@
 
 import pytest
 from oarlock.conform.session import conform
+from oarlock.conform.versions import changes
 from oarlock.engines import environments
 from oarlock.engines.registry import parse_engine
 from tolerances import AT_REST
@@ -33,6 +34,18 @@ def test_mjx_leaves_out_the_curvature(tmp_path, model):
 def test_versions_of_mujoco(tmp_path, version, cause):
     row = row_of(tmp_path, "four_bar", f"mujoco@{version}")
     assert row["cause"] == cause
+
+
+def test_what_aref_holds_is_measured_where_closed_loops_do_not_show_it(tmp_path):
+    """The cranks of this one turn in parallel, so that J̇v is 0 as long as its loops are closed: verdicts are the same,
+    runs are not."""
+    before, after = row_of(tmp_path, "triple_crank", "mujoco@3.6"), row_of(tmp_path, "triple_crank", "mujoco@4.0")
+    assert before["cause"] == after["cause"] == "agrees"
+    (line,) = changes([before, after])
+    assert line.startswith(
+        "triple_crank: 3.6.0 → 4.0.0: aref of connects and welds holds no J̇v before, holds −J̇v after"
+    )
+    assert "largest gap 0.000935 → 0.000985" in line
 
 
 def test_single_precision_is_told_from_formulation(tmp_path):
