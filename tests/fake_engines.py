@@ -124,6 +124,28 @@ def answer(model, data, row):
     force = np.linalg.pinv(back @ J.T, rcond=1e-12) @ (aref - J @ data.qacc_smooth)
     return data.qacc_smooth + back.T @ force, J.T @ force
 """,
+    "softer": "def prepare(model):\n    model.eq_solref[:, 0] = 0.2",
+    "narrower": "def prepare(model):\n    model.eq_solimp[:, 1] = model.eq_solimp[:, 0]",
+    "other_forces": "def answer(model, data, row):\n    return data.qacc.copy(), -3.0 * data.qfrc_constraint",
+    "torn_run": """
+def finish(columns, ask):
+    if ask.question == "run":
+        columns["qpos"] = columns["qpos"] + np.linspace(0.0, 1.0, len(columns["qpos"]))[:, None] * np.arange(1, 4)
+    return columns
+""",
+    "longer_step": """
+def finish(columns, ask):
+    if ask.question == "step":
+        columns["qvel"] = ask.states["qvel"] + 5.0 * (columns["qvel"] - ask.states["qvel"])
+    return columns
+""",
+    "wild_run": """
+def finish(columns, ask):
+    if ask.question == "run":
+        columns["qpos"][-1] = np.nan
+        columns["qvel"][-1] = np.inf
+    return columns
+""",
     "other_cone": """
 def prepare(model):
     kinds = mujoco.mjtCone

@@ -8,7 +8,7 @@ import pytest
 from fake_engines import engine
 from mechanisms import four_bar
 from oarlock.conform.causes import Cause, candidates, is_single, tell, tell_reader
-from oarlock.conform.laws import EXACT, MUJOCO, Laws, apart
+from oarlock.conform.laws import EXACT, MUJOCO, Law, Laws, apart
 from oarlock.conform.precision import allowance
 from oarlock.engines import asking, environments, running
 from oarlock.engines.answers import Answer, read
@@ -131,11 +131,11 @@ def test_a_difference_of_every_size_beyond_the_allowance_counts(laws):
     allowed = allowance(one, base, True)
     assert (allowed > 0).all()
     assert allowed.max() < 0.1
-    values = (base.qacc * (1.0 + 20.0 * allowed[:, None])).astype(np.float32).astype(float)
+    values = (base.qacc * (1.0 + 20.0 * allowed)).astype(np.float32).astype(float)
     answer = Answer("made up", {}, "float32", [], [], {}, one.states.time, values, values, one.states.qpos, values)
     assert is_single(answer)
     assert tell(one, answer).name == "unexplained"
-    within = (base.qacc * (1.0 + 0.1 * allowed[:, None])).astype(np.float32).astype(float)
+    within = (base.qacc * (1.0 + 0.1 * allowed)).astype(np.float32).astype(float)
     assert tell(one, replace(answer, qacc=within)).name == "agrees+float32"
 
 
@@ -183,3 +183,54 @@ def test_a_reader_that_keeps_all(laws):
     assert (
         tell_reader(one, Answer("made up", {}, "float64", [], [], facts), 3).text == "its reader keeps masses and rows"
     )
+
+
+def test_masses_that_changed_bodies_are_lost_masses(laws):
+    """Their sum says nothing of it, nor does the number of rows of the names of equalities."""
+    one = laws["two loops"]
+    masses = one.masses()
+    first, second, *_ = masses
+    swapped = {**masses, first: masses[second] * 2.0, second: masses[first] - masses[second]}
+    facts = {"total_mass": sum(masses.values()), "body_masses": swapped, "rows": 4}
+    found = tell_reader(one, Answer("made up", {}, "float64", [], [], facts), 4)
+    assert found.name == "reader+mass"
+    renamed = {"total_mass": sum(masses.values()), "body_masses": masses, "rows": 4, "equalities": ["pin", "other"]}
+    found = tell_reader(one, Answer("made up", {}, "float64", [], [], renamed), 4)
+    assert found.name == "reader+rows"
+    assert "'gear'" in found.text
+
+
+ROTOR = """<body name="rotor" pos="0 2 0"><joint name="rotor" axis="0 1 0"/>
+  <inertial pos="0 0 0" mass="0.001" diaginertia="1e-9 1e-9 1e-9"/></body>"""
+
+
+def test_a_mechanism_is_measured_by_itself():
+    """A rotor of a milligram beside a four-bar, under a torque: accelerations of 1e6, and the loop without its pin."""
+    text = four_bar(rest='<actuator><motor name="m" joint="rotor" gear="0.001"/></actuator>')
+    model = mujoco.MjModel.from_xml_string(text.replace("</worldbody>", f"{ROTOR}</worldbody>"))
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    states = states_of(model)
+    one = Laws(model, replace(states, ctrl=np.ones_like(states.ctrl)))
+    assert [len(block) for block in one.blocks] == [3, 1]
+    solved = one.solve(MUJOCO)
+    assert np.abs(solved.qacc[:, 3]).min() > 1e5
+    left_out = one.solve(Law(without=("pin",)))
+    found = tell(one, Answer("made up", {}, "float64", [], [], {}, states.time, left_out.qacc, left_out.force))
+    assert found.name == "rows"
+    assert apart(left_out.qacc, solved)[:, 0].max() > 0.1
+    assert apart(left_out.qacc, solved)[:, 1].max() < SAME_LAW
+
+
+def test_of_laws_that_a_precision_does_not_tell_apart_the_one_that_leaves_far_less(laws):
+    """Velocities so small that J̇v is within what float32 loses, and answers that are J̇v's to the last digit."""
+    whole = laws["redundant"]
+    one = Laws(whole.model, replace(whole.states, qvel=0.01 * whole.states.qvel))
+    without = one.solve(Law(curvature=False))
+    sizes = allowance(one, one.solve(MUJOCO), True)
+    assert (apart(without.qacc, one.solve(MUJOCO)) <= sizes).all()
+    values = without.qacc.astype(np.float32).astype(float)
+    found = tell(one, Answer("made up", {}, "float32", [], [], {}, one.states.time, values, without.force))
+    assert found.name == "jdotv+float32"
+    between = (0.5 * (without.qacc + one.solve(MUJOCO).qacc)).astype(np.float32).astype(float)
+    found = tell(one, Answer("made up", {}, "float32", [], [], {}, one.states.time, between, without.force))
+    assert "which does not tell it from no J̇v" in found.text

@@ -17,6 +17,9 @@ from suites import TINY
 
 STATES = 3
 
+SILENCE_S = 10.0
+"""More than it takes to start an interpreter on a machine with other things to do, s."""
+
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
@@ -39,12 +42,12 @@ def names(rows):
 def test_an_engine_that_fails_costs_its_unit_only(model, tmp_path, monkeypatch):
     monkeypatch.setenv("OARLOCK_TEST_NOTES", str(tmp_path / "notes"))
     engines = [str(program(tmp_path, name)) for name in ("true", "crashes", "hangs", "nan", "half")]
-    found = conform([model], engines, states=STATES, out=tmp_path / "out", jobs=1, silence=3.0)
+    found = conform([model], engines, states=STATES, out=tmp_path / "out", jobs=1, silence=SILENCE_S)
     assert names(found.rows) == {"true": "agrees"}
     said = {name: why.message for (_, name), why in found.failures.items()}
     assert set(said) == {"crashes", "hangs", "nan", "half"}
     assert said["crashes"] == "crashes ended with status 7: it is broken"
-    assert "was silent for 3 s" in said["hangs"]
+    assert f"was silent for {SILENCE_S:g} s" in said["hangs"]
     assert "is not finite" in said["nan"]
     assert "rows, expected" in said["half"]
     assert found.status == 1
@@ -60,6 +63,84 @@ def test_an_engine_that_fails_costs_its_unit_only(model, tmp_path, monkeypatch):
     third = conform([model], engines, states=STATES, out=tmp_path / "out", jobs=1)
     assert third.repeated == 0
     assert names(third.rows) == names(again.rows)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("softer", "unexplained: "),
+        ("narrower", "unexplained: "),
+        ("other_forces", "unexplained: as MuJoCo at every state, but its constraint forces are off by 4"),
+        ("longer_step", "unexplained: as MuJoCo at every state, but its step changes velocities by 4"),
+        ("torn_run", "unexplained: as MuJoCo at every state, but its run opens the loops by "),
+    ],
+)
+def test_what_closed_states_do_not_show(model, name, said, tmp_path):
+    """Softness, damping and impedance hang on the gap; forces, a step and a run may be another engine's still."""
+    found = conform([model], [str(program(tmp_path, name))], states=STATES, out=tmp_path / "out", jobs=1)
+    (row,) = found.rows
+    assert row["verdict"].startswith(said)
+    assert row["difference"] < 1e-9
+    assert row["qacc_rest"] < 1e-9
+    assert found.status == 1
+    found.tolerance = 10.0
+    assert found.status == int(row["contradicted"])
+
+
+def test_a_run_that_diverges_costs_the_figures_of_the_run_only(model, tmp_path):
+    found = conform([model], [str(program(tmp_path, "wild_run"))], states=STATES, out=tmp_path / "out", jobs=1)
+    (row,) = found.rows
+    assert row["cause"] == "agrees"
+    assert row["verdict"].startswith("as MuJoCo; its run does not stay finite to t = ")
+    assert row["drift_max"] is None
+    assert row["qacc_mujoco"] < 1e-12
+
+
+def test_engines_that_are_not_asked_keep_what_they_answered(model, tmp_path):
+    one, other = (str(program(tmp_path, name)) for name in ("true", "without_jdotv"))
+    asked = {"states": STATES, "out": tmp_path / "out", "jobs": 1}
+    assert conform([model], [one], **asked).repeated == 3
+    assert conform([model], [other], **asked).repeated == 2
+    again = conform([model], [one, other], **asked)
+    assert again.repeated == 0
+    assert names(again.rows) == {"true": "agrees", "without_jdotv": "jdotv"}
+
+
+def test_a_program_is_asked_again_when_what_it_imports_changes(model, tmp_path):
+    """A module beside it, by either kind of import."""
+    path = program(tmp_path, "true")
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("import mujoco\n", "import mujoco\nfrom helper import FACTOR\n", 1), encoding="utf-8")
+    (tmp_path / "helper.py").write_text("FACTOR = 1.0\n", encoding="utf-8")
+    (tmp_path / "bystander.py").write_text("pass\n", encoding="utf-8")
+    asked = {"states": STATES, "out": tmp_path / "out", "jobs": 1}
+    assert conform([model], [str(path)], **asked).repeated == 3
+    (tmp_path / "bystander.py").write_text("raise SystemExit\n", encoding="utf-8")
+    assert conform([model], [str(path)], **asked).repeated == 0
+    (tmp_path / "helper.py").write_text("FACTOR = 2.0\n", encoding="utf-8")
+    assert conform([model], [str(path)], **asked).repeated >= 1
+
+
+@pytest.mark.parametrize("setting", ["gravity=0", "solver=PGS", "precison=float32"])
+def test_a_setting_that_an_engine_does_not_have_is_refused(model, setting, tmp_path):
+    with pytest.raises(InputError, match=f"'{setting.partition('=')[0]}', expected one of: "):
+        conform([model], [f"mujoco:{setting}"], out=tmp_path / "out")
+    with pytest.raises(InputError, match="'true' has no settings"):
+        conform([model], [f"{program(tmp_path, 'true')}:gravity=0"], out=tmp_path / "out")
+
+
+def test_the_gate_does_not_pass_what_was_not_compared(model, tmp_path):
+    found = conform([model], [str(program(tmp_path, "true"))], states=STATES, out=tmp_path / "out", jobs=1)
+    (row,) = found.rows
+    found.rows = [{**row, "difference": None, "cause": "not expressible", "verdict": "not expressible: joint 'a'"}]
+    assert found.status == 0
+    found.tolerance = 1e-6
+    assert found.status == 1
+    assert "1 of 1" not in badge(found.document())
+    found.rows = [{**row, "difference": None, "cause": "reader+mass", "verdict": "on import: mass"}]
+    assert found.status == 1
+    found.rows = [{**row, "difference": None, "cause": "reader", "verdict": "its reader keeps masses and rows"}]
+    assert found.status == 0
 
 
 def test_other_engines_are_asked_without_those_before(model, tmp_path):

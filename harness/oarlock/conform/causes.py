@@ -30,6 +30,16 @@ MASS_APART = 1e-6
 """Relative difference of masses that is none: of a mass in single precision, read from a text of six digits."""
 
 
+FORMS = (MUJOCO, EXACT, Law(curvature=False), Law(rigid=True, curvature=False))
+"""Laws that change no element, those with fewer changes first."""
+
+TELLING = 10.0
+"""Times: a law that leaves so much less than a simpler one is the cause, though the precision would explain both."""
+
+ROUNDING = 1e-10
+"""Relative. A law that leaves no more than that needs no better one."""
+
+
 @dataclass(frozen=True)
 class Cause:
     """What explains an engine's answers.
@@ -41,16 +51,20 @@ class Cause:
         text: in words.
         left: largest relative difference of q̈ that is left once the cause is taken out; None where nothing is compared.
         allowed: the largest of what the precision explains; None likewise.
+        law: under which the states agree; None where there is none.
     """
 
     name: str
     text: str
     left: float | None = None
     allowed: float | None = None
+    law: Law | None = None
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
-        return {"cause": self.name, "verdict": self.text, "left": self.left, "allowed": self.allowed}
+        contradicted = self.name == UNEXPLAINED and self.law is not None
+        told = {"cause": self.name, "verdict": self.text, "left": self.left, "allowed": self.allowed}
+        return {**told, "contradicted": contradicted}
 
 
 def is_single(answer: Answer) -> bool:
@@ -84,7 +98,7 @@ def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Caus
         left = apart(answer.qacc, laws.solve(law), sizes) if (part <= trusted[first]).all() else part
         worst = float(left.max())
         if len(left) == len(sizes) and (left <= allowed).all():
-            return _explained(law, left, allowed, single)
+            return _likeliest(laws, answer, law, left, allowed, single)
         if len(left) == len(sizes) and (left <= trusted).all() and (nearly is None or worst < nearly[0]):
             nearly = worst, law
         if nearest is None or worst < nearest[0]:
@@ -98,13 +112,39 @@ def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Caus
     return Cause(UNEXPLAINED, said, difference, float(allowed.max()))
 
 
+def _likeliest(laws: Laws, answer: Answer, law: Law, left: np.ndarray, allowed: np.ndarray, single: bool) -> Cause:
+    """Of a law and others that change as much of what is known beforehand, the one that leaves far less.
+
+    What a precision explains may be more than what a cause changes: then it is told that the states do not tell them
+    apart.
+    """
+    sizes = scale(laws.solve(MUJOCO))
+    found, worst, untold = law, float(left.max()), list[str]()
+    for other in FORMS:
+        if law not in FORMS or other == law:
+            continue
+        others = apart(answer.qacc, laws.solve(other), sizes)
+        if not (others <= allowed).all():
+            continue
+        if float(others.max()) < worst / TELLING and worst > ROUNDING:
+            found, worst, left = other, float(others.max()), others
+        elif single:
+            untold.append(words(other) or "as MuJoCo")
+    cause = _explained(found, left, allowed, single)
+    if found is not law:
+        untold = [one for one in untold if one != words(found)]
+    elif untold:
+        cause = replace(cause, text=f"{cause.text}, which does not tell it from {few(untold, last='or')}")
+    return cause
+
+
 def _explained(law: Law, left: np.ndarray, allowed: np.ndarray, single: bool) -> Cause:
     names = [name for name, changed in _changes(law).items() if changed] or [AGREES]
     text = words(law) or "as MuJoCo"
     if single:
         names.append("float32")
         text += ", within float32"
-    return Cause("+".join(names), text, float(left.max()), float(allowed.max()))
+    return Cause("+".join(names), text, float(left.max()), float(allowed.max()), law)
 
 
 def _changes(law: Law) -> dict[str, bool]:
@@ -138,8 +178,7 @@ def words(law: Law) -> str:
 
 def candidates(laws: Laws, answer: Answer) -> Iterator[Law]:
     """The laws that are tried, those with fewer changes first."""
-    forms = [MUJOCO, EXACT, Law(curvature=False), Law(rigid=True, curvature=False)]
-    yield from forms
+    yield from FORMS
     changes: list[dict[str, Any]] = []
     own_cone = int(laws.model.opt.cone)
     changes += [{"cone": name} for name, cone in CONES.items() if int(cone) != own_cone]
@@ -148,11 +187,11 @@ def candidates(laws: Laws, answer: Answer) -> Iterator[Law]:
     changes += [{"masses": masses}] if masses else []
     changes += [{"without": names} for names in _left_out(laws, answer)]
     for change in changes:
-        for form in forms:
+        for form in FORMS:
             yield replace(form, **change)
     if masses:
         for names in _left_out(laws, answer):
-            for form in forms:
+            for form in FORMS:
                 yield replace(form, masses=masses, without=names)
 
 
@@ -193,13 +232,20 @@ def tell_reader(laws: Laws, answer: Answer, rows: int) -> Cause:
     said = []
     own, told = sum(laws.masses().values()), answer.facts.get("total_mass")
     names = []
-    if isinstance(told, int | float) and abs(told - own) > MASS_APART * own:
-        lost = few([quoted(name) for name, _ in other_masses(laws, answer)])
-        said.append(f"mass {short(float(told))} kg of {short(own)} kg" + (f" ({lost})" if lost else ""))
+    other = other_masses(laws, answer)
+    if (isinstance(told, int | float) and abs(told - own) > MASS_APART * own) or other:
+        lost = few([quoted(name) for name, _ in other])
+        whole = f"mass {short(float(told))} kg of {short(own)} kg" if isinstance(told, int | float) else "other masses"
+        said.append(whole + (f" ({lost})" if lost else ""))
         names.append("mass")
     kept = answer.facts.get("rows")
+    named = answer.facts.get("equalities")
+    gone = [one.name for one in laws.equalities if isinstance(named, list) and one.name not in named]
     if isinstance(kept, int) and kept != rows:
         said.append(f"{kept} of {rows} equality rows kept")
+        names.append("rows")
+    elif gone:
+        said.append(f"equalities without {few([quoted(name) for name in gone])}")
         names.append("rows")
     told_all = isinstance(told, int | float) and isinstance(kept, int)
     text = "; ".join(said) or ("its reader keeps masses and rows" if told_all else "its reader tells nothing")

@@ -1,5 +1,6 @@
 """What is measured of an engine's answers to one model: differences, drift, cause. A row of the matrix."""
 
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -7,7 +8,8 @@ import numpy as np
 
 from oarlock.base.numbers import finite
 from oarlock.conform.causes import SILENT, Cause, is_single, tell, tell_reader
-from oarlock.conform.laws import EXACT, MUJOCO, Laws, apart, forces_apart, opening
+from oarlock.conform.contradictions import against
+from oarlock.conform.laws import EXACT, MUJOCO, Laws, apart, forces_apart, norms, opening
 from oarlock.conform.states import Plan
 from oarlock.engines.answers import Answer
 
@@ -27,6 +29,10 @@ FIGURES = {
 """Figure of a row → its heading; relative but for the gaps and ends, m or rad."""
 
 
+SLOWEST = 1e-6
+"""rad/s²: a step that changes velocities by less is measured by this, for what it has of its own is rounding."""
+
+
 def measure(laws: Laws, plan: Plan, answers: dict[str, Answer]) -> dict[str, Any]:
     """The row of a model and an engine.
 
@@ -43,15 +49,27 @@ def measure(laws: Laws, plan: Plan, answers: dict[str, Answer]) -> dict[str, Any
     row |= {"not_expressible": first.not_expressible, "expected": _expected(laws)}
     if stated is not None:
         row |= _of_states(laws, plan, stated, "step" in answers and answers["step"].expressible)
-        cause = tell(laws, stated)
+    run = answers.get("run")
+    if run is not None and run.expressible:
+        row |= _of_run(laws.model, plan, run)
+    if stated is not None:
+        cause = against(tell(laws, stated), laws, plan, stated, row)
     elif "rows" in facts or "total_mass" in facts:
         cause = tell_reader(laws, first, row["expected"]["rows"])
     else:
         cause = Cause(SILENT, _silent(first))
-    run = answers.get("run")
-    if run is not None and run.expressible:
-        row |= _of_run(laws.model, plan, run)
+    if run is not None and stated is not None:
+        cause = _with_run(cause, run)
     return {name: finite(value) for name, value in (row | cause.document()).items()}
+
+
+def _with_run(cause: Cause, run: Answer) -> Cause:
+    """The cause with what became of the run, where it has no figures."""
+    if run.ended:
+        return replace(cause, text=f"{cause.text}; {run.ended}")
+    if not run.expressible:
+        return replace(cause, text=f"{cause.text}; its run is {_silent(run)}")
+    return cause
 
 
 def _silent(answer: Answer) -> str:
@@ -77,23 +95,25 @@ def _expected(laws: Laws) -> dict[str, Any]:
 
 
 def _of_states(laws: Laws, plan: Plan, answer: Answer, stepped: bool) -> dict[str, Any]:
-    own, exact = laws.installed(), laws.solve(EXACT)
-    moving = np.array(plan.moving)
-    to_mujoco, to_exact = apart(answer.qacc, own), apart(answer.qacc, exact)
+    shut = slice(0, plan.closed)
+    own, exact = laws.installed()[shut], laws.solve(EXACT)[shut]
+    moving = np.array(plan.moving)[shut]
+    to_mujoco, to_exact = apart(answer.qacc[shut], own), apart(answer.qacc[shut], exact)
     worst = {"qacc_mujoco": float(to_mujoco.max()), "qacc_exact": float(to_exact.max())}
     found: dict[str, Any] = {
         **worst,
         "difference": min(worst.values()),
         "qacc_rest": float(to_mujoco[~moving].max()) if (~moving).any() else None,
-        "force_mujoco": float(forces_apart(answer.qfrc_constraint, own).max()),
-        "force_exact": float(forces_apart(answer.qfrc_constraint, exact).max()),
+        "force_mujoco": float(forces_apart(answer.qfrc_constraint[shut], own).max()),
+        "force_exact": float(forces_apart(answer.qfrc_constraint[shut], exact).max()),
         "single": is_single(answer),
-        "mujoco_to_law": float(apart(own.qacc, laws.solve(MUJOCO)).max()),
+        "mujoco_to_law": float(apart(own.qacc, laws.solve(MUJOCO)[shut]).max()),
     }
     if stepped:
         _, qvel = laws.stepped()
-        change = np.linalg.norm(qvel - laws.states.qvel, axis=1)
-        found["step_mujoco"] = float((np.linalg.norm(answer.qvel - qvel, axis=1) / np.maximum(change, 1e-12)).max())
+        change = norms(qvel - laws.states.qvel, laws.blocks)[shut]
+        apart_by = norms(answer.qvel - qvel, laws.blocks)[shut]
+        found["step_mujoco"] = float((apart_by / np.maximum(change, SLOWEST * plan.timestep)).max())
     return found
 
 

@@ -16,6 +16,7 @@ from oarlock.base.errors import InputError
 from oarlock.cases.case_file import Baumgarte, Form
 from oarlock.engines.asking import ACCURATE, States
 from oarlock.mechanics.names import Equality, element_name, equalities
+from oarlock.mechanics.rows import jacobian
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import BESIDE, SolverSpec
 from oarlock.stepping.state import State
@@ -53,14 +54,20 @@ EXACT = Law(rigid=True)
 
 @dataclass(frozen=True)
 class Solved:
-    """Answers of all states under a law: accelerations and constraint forces (n, nv), those without constraints."""
+    """Answers of all states under a law.
+
+    Attributes:
+        qacc: accelerations (n, nv); force: constraint forces (n, nv); smooth: accelerations without them (n, nv).
+        blocks: numbers of the velocities of each mechanism, as of ``Laws``.
+    """
 
     qacc: np.ndarray
     force: np.ndarray
     smooth: np.ndarray
+    blocks: tuple[np.ndarray, ...]
 
     def __getitem__(self, chosen: "np.ndarray | slice") -> "Solved":
-        return Solved(self.qacc[chosen], self.force[chosen], self.smooth[chosen])
+        return Solved(self.qacc[chosen], self.force[chosen], self.smooth[chosen], self.blocks)
 
 
 class _Asked(State):
@@ -96,9 +103,11 @@ class Laws:
         self.model = copy.copy(model)
         self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         # How far an iteration goes is no part of what is compared.
-        self.model.opt.tolerance = ACCURATE["tolerance"]
+        for name, value in ACCURATE.items():
+            setattr(self.model.opt, name, type(getattr(self.model.opt, name))(value))
         self.states = states
         self.equalities: list[Equality] = equalities(self.model)
+        self.blocks = blocks(self.model, states)
         self._solved: dict[Law, Solved] = {}
 
     def installed(self) -> Solved:
@@ -108,7 +117,7 @@ class Laws:
             self.place(data, number)
             mujoco.mj_forward(self.model, data)
             rows.append((data.qacc.copy(), data.qfrc_constraint.copy(), data.qacc_smooth.copy()))
-        return _joined(rows)
+        return self._joined(rows)
 
     def stepped(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions (n, nq) and velocities (n, nv) after one step of the installed MuJoCo."""
@@ -122,10 +131,7 @@ class Laws:
 
     def place(self, data: mujoco.MjData, number: int) -> None:
         """Writes a state into a data of the model, or of a copy."""
-        mujoco.mj_resetData(self.model, data)
-        data.time = self.states.time[number]
-        data.qpos[:], data.qvel[:] = self.states.qpos[number], self.states.qvel[number]
-        data.act[:], data.ctrl[:] = self.states.act[number], self.states.ctrl[number]
+        place(self.model, data, self.states, number)
 
     def solve(self, law: Law, chosen: np.ndarray | None = None) -> Solved:
         """The answers under a law, of all states or of some.
@@ -148,10 +154,13 @@ class Laws:
             data.eq_active[left_out] = 0
             mujoco.mj_forward(model, data)
             rows.append(_answer(state, form, data))
-        solved = _joined(rows)
+        solved = self._joined(rows)
         if chosen is None:
             self._solved[law] = solved
         return solved
+
+    def _joined(self, rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Solved:
+        return Solved(*(np.array(column) for column in zip(*rows, strict=True)), self.blocks)
 
     def _changed(self, law: Law) -> mujoco.MjModel:
         if not law.cone and not law.masses and not law.arrays:
@@ -191,45 +200,72 @@ def _answer(state: _Asked, form: Form, data: mujoco.MjData) -> tuple[np.ndarray,
     return answer.qacc.copy(), answer.qfrc.copy(), smooth
 
 
-def _joined(rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Solved:
-    return Solved(*(np.array(column) for column in zip(*rows, strict=True)))
-
-
 STILL = 1e-3
 """Of the largest scale of all states: one in which less accelerates, such as a mechanism that floats at rest, is
 measured by this, for what it has of its own is rounding."""
 
+FAINT = 1e-9
+"""Of the largest of all mechanisms: what a mechanism that hardly moves is measured by at least."""
+
+
+def blocks(model: mujoco.MjModel, states: States) -> tuple[np.ndarray, ...]:
+    """Numbers of the velocities of each mechanism: trees that no constraint row joins at any of the states.
+
+    Each is measured by itself: the accelerations of a light rotor are no measure for a four-bar beside it.
+    """
+    data = mujoco.MjData(model)
+    group = model.dof_treeid.astype(int).copy()
+    for number in range(len(states)):
+        place(model, data, states, number)
+        mujoco.mj_fwdPosition(model, data)
+        for touched in np.unique(jacobian(model, data) != 0.0, axis=0) if data.nefc else ():
+            joined = np.unique(group[touched])
+            if len(joined) > 1:
+                group[np.isin(group, joined)] = joined[0]
+    return tuple(np.flatnonzero(group == one) for one in np.unique(group))
+
+
+def place(model: mujoco.MjModel, data: mujoco.MjData, states: States, number: int) -> None:
+    """Writes a state into a data of a model."""
+    mujoco.mj_resetData(model, data)
+    data.time = states.time[number]
+    data.qpos[:], data.qvel[:] = states.qpos[number], states.qvel[number]
+    data.act[:], data.ctrl[:] = states.act[number], states.ctrl[number]
+
 
 def apart(values: np.ndarray, solved: Solved, sizes: np.ndarray | None = None) -> np.ndarray:
-    """Relative difference (n) of accelerations (n, nv) from a solution.
+    """Relative difference of accelerations (n, nv) from a solution, of each state and mechanism (n, blocks).
 
     Args:
         values: the accelerations.
         solved: the solution.
-        sizes: what differences are measured by, (n); by default ``scale`` of the solution.
+        sizes: what differences are measured by, (n, blocks); by default ``scale`` of the solution.
     """
-    return _norm(values - solved.qacc) / (scale(solved) if sizes is None else sizes)
+    return norms(values - solved.qacc, solved.blocks) / (scale(solved) if sizes is None else sizes)
 
 
 def scale(solved: Solved) -> np.ndarray:
-    """What differences of accelerations are measured by, (n): the larger of ‖q̈‖ and of what the constraints change.
+    """What differences of accelerations are measured by, (n, blocks): ‖q̈‖, or what the constraints change if larger.
 
     At an equilibrium the first is nothing but rounding; where neither is more, see ``STILL``.
     """
-    return _clear(np.maximum(_norm(solved.qacc), _norm(solved.qacc - solved.smooth)))
+    changed = norms(solved.qacc - solved.smooth, solved.blocks)
+    return _clear(np.maximum(norms(solved.qacc, solved.blocks), changed))
 
 
 def forces_apart(values: np.ndarray, solved: Solved) -> np.ndarray:
-    """Relative difference (n) of constraint forces (n, nv) from a solution."""
-    return _norm(values - solved.force) / _clear(_norm(solved.force))
+    """Relative difference of constraint forces (n, nv) from a solution, (n, blocks)."""
+    return norms(values - solved.force, solved.blocks) / _clear(norms(solved.force, solved.blocks))
+
+
+def norms(values: np.ndarray, blocks: tuple[np.ndarray, ...]) -> np.ndarray:
+    """The size of each mechanism's part of values (n, nv), (n, blocks)."""
+    return np.array([np.linalg.norm(values[:, block], axis=1) for block in blocks]).T.reshape(len(values), len(blocks))
 
 
 def _clear(sizes: np.ndarray) -> np.ndarray:
-    return np.maximum(sizes, max(STILL * float(sizes.max(initial=0.0)), np.finfo(float).tiny))
-
-
-def _norm(values: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(values, axis=1) if values.size else np.zeros(len(values))
+    largest = sizes.max(axis=0, initial=0.0)
+    return np.maximum(sizes, np.maximum(STILL * largest, max(FAINT * largest.max(initial=0.0), np.finfo(float).tiny)))
 
 
 def opening(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ change of a counts, times ``MARGIN``, for an engine adds roundings of its own on
 import mujoco
 import numpy as np
 
-from oarlock.conform.laws import Laws, Solved, scale
+from oarlock.conform.laws import Laws, Solved, norms, scale
 from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.rows import jacobian
 
@@ -30,7 +30,7 @@ _SEED = 0
 
 
 def allowance(laws: Laws, solved: Solved, single: bool) -> np.ndarray:
-    """Relative differences of q̈ (n) that a precision explains, one of each state.
+    """Relative differences of q̈ that a precision explains, of each state and mechanism (n, blocks).
 
     Args:
         laws: of the model and its states.
@@ -39,17 +39,18 @@ def allowance(laws: Laws, solved: Solved, single: bool) -> np.ndarray:
     """
     kind = np.float32 if single else np.float64
     rng = np.random.default_rng(_SEED)
-    data, found = mujoco.MjData(laws.model), np.zeros(len(laws.states))
+    data, found = mujoco.MjData(laws.model), np.zeros((len(laws.states), len(laws.blocks)))
     for number in range(len(found)):
         laws.place(data, number)
         mujoco.mj_forward(laws.model, data)
-        found[number] = _lost(laws.model, data, kind, rng)
+        found[number] = _lost(laws, data, kind, rng)
     lost = MARGIN * found / scale(solved)
     return np.minimum(lost if single else np.maximum(lost, SETTLED), CREDIBLE)
 
 
-def _lost(model: mujoco.MjModel, data: mujoco.MjData, kind: type, rng: np.random.Generator) -> float:
-    """Largest change ‖δa‖ of a state over the draws."""
+def _lost(laws: Laws, data: mujoco.MjData, kind: type, rng: np.random.Generator) -> np.ndarray:
+    """Largest change ‖δa‖ of each mechanism (blocks) of a state over the draws."""
+    model = laws.model
     active = np.flatnonzero(data.efc_force[: data.nefc] != 0.0)
     active = np.union1d(np.arange(data.ne), active).astype(int)
     rows, mass = jacobian(model, data)[active].copy(), full_mass(model, data)
@@ -60,7 +61,7 @@ def _lost(model: mujoco.MjModel, data: mujoco.MjData, kind: type, rng: np.random
     extent = float(np.abs(data.xpos - data.xpos.mean(axis=0)).max(initial=0.0) + np.abs(data.xpos).max(initial=0.0))
     open_by = terms[:, 0] * terms[:, 2] * extent + terms[:, 1] * (np.abs(rows) @ np.abs(data.qvel)) + np.abs(aref)
     true = _solution(mass, rows, force, aref, stiffness, np.float64)
-    worst = 0.0
+    worst = np.zeros(len(laws.blocks))
     for _ in range(DRAWS):
         found = _solution(
             _moved(mass, _largest(mass), epsilon, rng),
@@ -70,8 +71,7 @@ def _lost(model: mujoco.MjModel, data: mujoco.MjData, kind: type, rng: np.random
             stiffness,
             kind,
         )
-        change = float(np.linalg.norm(found - true))
-        worst = max(worst, change) if np.isfinite(change) else np.inf
+        worst = np.maximum(worst, np.nan_to_num(norms((found - true)[None], laws.blocks)[0], nan=np.inf))
     return worst
 
 

@@ -16,7 +16,7 @@ from oarlock.base.scratch import sweep_up
 from oarlock.batch.session import workers_of
 from oarlock.batch.workers import Workers, dispatch
 from oarlock.cases.case import load_case
-from oarlock.conform.causes import FAILED, UNEXPLAINED
+from oarlock.conform.causes import FAILED, READER, UNEXPLAINED
 from oarlock.conform.states import Plan
 from oarlock.conform.units import ASK, STATES, Compare, DrawStates, Question, Work, do, slug
 from oarlock.engines import environments
@@ -29,6 +29,9 @@ from oarlock.tables.provenance import occasion, versions
 
 RESULTS = Path("results") / "conform"
 """Folder of the results unless another is given."""
+
+KEPT = ("answers", "figures")
+"""First words of the units of engines."""
 
 STATES_DRAWN = 24
 """States that are drawn of a model unless something else is asked for."""
@@ -98,10 +101,14 @@ class Matrix:
     def beyond(self, row: dict[str, Any]) -> str:
         """Why a row does not pass, in words; empty if it does."""
         difference = row["difference"]
-        if self.tolerance is not None and difference is not None and difference > self.tolerance:
-            return f"q̈ differs by {difference:.3g}, allowed are {self.tolerance:g}"
-        if self.tolerance is None and row["cause"] == UNEXPLAINED:
+        if row["cause"] == UNEXPLAINED and (self.tolerance is None or row["contradicted"]):
             return row["verdict"]
+        if self.tolerance is None:
+            return ""
+        if difference is None and row["cause"] != READER:
+            return f"nothing was compared, expected differences of at most {self.tolerance:g}: {row['verdict']}"
+        if difference is not None and difference > self.tolerance:
+            return f"q̈ differs by {difference:.3g}, allowed are {self.tolerance:g}"
         return ""
 
     @property
@@ -259,7 +266,9 @@ def _carry_out(
     todo.carry_out("asking engines", _questions(matrix, homes, asked, silence_s))
     todo.carry_out("comparing", _comparisons(matrix, homes, asked))
     for member in matrix.members:
-        member.ledger.settle(member.names)
+        # Engines that are not asked this time keep what they answered.
+        others = [name for name in member.ledger.entries if name.partition(" ")[0] in KEPT]
+        member.ledger.settle(list(dict.fromkeys([*member.names, *others])))
         for name in homes:
             entries = (member.ledger.entries.get(f"{kind} {name}") for kind in ("answers", "figures"))
             failed = next((one for one in entries if one and one["status"] != "done"), None)

@@ -13,6 +13,7 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
 from oarlock.cases.conditions import Conditions
+from oarlock.conform.laws import blocks, place
 from oarlock.diagnosis.sampling import sample
 from oarlock.engines.asking import Files, States, arrays_of, compiled, states_of, text_of
 from oarlock.experiments.laboratory import Laboratory
@@ -27,7 +28,16 @@ SPEED = 3.0
 """Root mean square of the drawn velocities, rad/s: what grows with their square is then clear of what float32 loses."""
 
 AT_REST = 4
-"""Of so many drawn poses one is asked about at rest, too."""
+"""Of so many drawn poses one is asked about at rest, too, and one beside it."""
+
+OPEN = 1e-3
+"""rad or m: how far coordinates of open states are from closed ones, as soft loops give way; of ``SPEED`` too."""
+
+STILL = 1e-6
+"""Of ``SPEED``: a mechanism that a drawn state moves by less stands still."""
+
+TINY = 1e-300
+"""Divides nothing by zero."""
 
 RUN_S = 2.0
 """Length of the free run, s, where that of the case is not shorter."""
@@ -49,6 +59,9 @@ class Plan:
         mujoco_end: positions (nq) where the run of the installed MuJoCo ends.
         exact_end: the same of our exact run; None where there is none under constant controls.
         generated: whether the text of the model has rounded numbers.
+        closed: so many states, the first ones, are closed; those after them are for engines whose rows may be open.
+        mujoco_gap: the largest deviation of a row in that run of MuJoCo, m or rad.
+        extent: of the mechanism, m.
     """
 
     name: str
@@ -61,6 +74,9 @@ class Plan:
     mujoco_end: tuple[float, ...]
     exact_end: tuple[float, ...] | None
     generated: bool
+    closed: int
+    mujoco_gap: float
+    extent: float
 
     @property
     def asked(self) -> list[Any]:
@@ -114,27 +130,65 @@ def prepare(asked: str, count: int, seed: int) -> tuple[Files, Plan]:
     drawn = sample(asked, count, seed, speed=SPEED)
     rest = -(-count // AT_REST)
     ctrl = _controls(model, count, seed)
+    qvel = _each_at_speed(model, drawn.qpos, drawn.qvel)
+    open_qpos, open_qvel = _opened(model, drawn.qpos[:rest], qvel[:rest], seed)
     states = states_of(
         model,
-        np.concatenate([setup.start.qpos[None], drawn.qpos, drawn.qpos[:rest]]),
-        np.concatenate([setup.start.qvel[None], drawn.qvel, np.zeros((rest, model.nv))]),
-        np.concatenate([data.ctrl[None], ctrl, ctrl[:rest]]),
-        np.concatenate([data.act[None], np.zeros((count + rest, model.na))]),
+        np.concatenate([setup.start.qpos[None], drawn.qpos, drawn.qpos[:rest], open_qpos]),
+        np.concatenate([setup.start.qvel[None], qvel, np.zeros((rest, model.nv)), open_qvel]),
+        np.concatenate([data.ctrl[None], ctrl, ctrl[:rest], ctrl[:rest]]),
+        np.concatenate([data.act[None], np.zeros((count + 2 * rest, model.na))]),
     )
     steps, every = _steps(case, model)
+    end, gap = _mujoco_run(model, states, steps)
     plan = Plan(
-        case.name,
-        int(model.nq),
-        int(model.nv),
-        steps,
-        every,
-        float(model.opt.timestep),
-        tuple(bool(moves) for moves in np.abs(states.qvel).max(axis=1, initial=0.0) > 0.0),
-        _mujoco_end(model, states, steps),
-        _exact_end(case, setup, steps),
-        case.model_path.suffix == ".py",
+        name=case.name,
+        nq=int(model.nq),
+        nv=int(model.nv),
+        steps=steps,
+        every=every,
+        timestep=float(model.opt.timestep),
+        moving=tuple(bool(moves) for moves in np.abs(states.qvel).max(axis=1, initial=0.0) > 0.0),
+        mujoco_end=end,
+        exact_end=_exact_end(case, setup, steps),
+        generated=case.model_path.suffix == ".py",
+        closed=1 + count + rest,
+        mujoco_gap=gap,
+        extent=_extent(model, setup.start.qpos),
     )
     return {**text, "model.npz": arrays_of(model), "states.parquet": states.table()}, plan
+
+
+def _each_at_speed(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray) -> np.ndarray:
+    """Velocities (n, nv) with each mechanism at ``SPEED`` by itself, as far as it moves.
+
+    A screw that turns fast beside a four-bar would leave that one without motion, and its J̇v unseen.
+    """
+    states, found = states_of(model, qpos, qvel, np.zeros((len(qpos), model.nu))), qvel.copy()
+    for block in blocks(model, states):
+        speeds = np.sqrt(np.mean(qvel[:, block] ** 2, axis=1, keepdims=True))
+        found[:, block] *= np.where(speeds > STILL * SPEED, SPEED / np.maximum(speeds, TINY), 1.0)
+    return found
+
+
+def _opened(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (n, nq) beside closed ones, and velocities (n, nv) that the rows do not admit.
+
+    What rows are asked for there hangs on their stiffness, damping and impedance, of which a closed loop shows nothing.
+    """
+    numbers = np.random.default_rng([seed, model.nv])
+    poses = qpos.copy()
+    for pose in poses:
+        mujoco.mj_integratePos(model, pose, OPEN * numbers.uniform(-1.0, 1.0, model.nv), 1.0)
+    return poses, qvel + OPEN * SPEED * numbers.uniform(-1.0, 1.0, qvel.shape)
+
+
+def _extent(model: mujoco.MjModel, qpos: np.ndarray) -> float:
+    """Half the diagonal of a box around all bodies at a pose (nq), m."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_kinematics(model, data)
+    return 0.5 * float(np.linalg.norm(data.xpos[1:].max(axis=0) - data.xpos[1:].min(axis=0)))
 
 
 def _controls(model: mujoco.MjModel, count: int, seed: int) -> np.ndarray:
@@ -150,14 +204,15 @@ def _steps(case: Case, model: mujoco.MjModel) -> tuple[int, int]:
     return steps, every
 
 
-def _mujoco_end(model: mujoco.MjModel, states: States, steps: int) -> tuple[float, ...]:
-    """Where the installed MuJoCo ends after so many steps from the first state."""
-    data = mujoco.MjData(model)
-    data.time = states.time[0]
-    data.qpos[:], data.qvel[:] = states.qpos[0], states.qvel[0]
-    data.act[:], data.ctrl[:] = states.act[0], states.ctrl[0]
-    mujoco.mj_step(model, data, steps)
-    return tuple(data.qpos.tolist())
+def _mujoco_run(model: mujoco.MjModel, states: States, steps: int) -> tuple[tuple[float, ...], float]:
+    """Where the installed MuJoCo ends after so many steps from the first state, and its loops' largest gap by then."""
+    data, widest = mujoco.MjData(model), 0.0
+    place(model, data, states, 0)
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        mujoco.mj_fwdPosition(model, data)
+        widest = max(widest, float(np.abs(data.efc_pos[: data.ne]).max(initial=0.0)))
+    return tuple(data.qpos.tolist()), widest
 
 
 def _exact_end(case: Case, setup: PreparedCase, steps: int) -> tuple[float, ...] | None:

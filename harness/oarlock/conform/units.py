@@ -34,9 +34,9 @@ ASK, ANSWERS = "ask", "answers"
 """Folders of the questions and of the answers among the results of a model."""
 
 
-_DRAWING = ("engines/asking", "conform/states", "diagnosis/sampling")
+_DRAWING = ("engines/asking", "conform/laws", "conform/states", "diagnosis/sampling")
 _COMPARING = ("engines/asking", "engines/answers", "conform/states", "conform/laws", "conform/precision")
-_COMPARING += ("conform/causes", "conform/figures", "conform/units")
+_COMPARING += ("conform/causes", "conform/contradictions", "conform/figures", "conform/units")
 """Sources on which states, and figures, depend besides the rooms of all runs."""
 
 
@@ -175,13 +175,14 @@ class Question(Work):
         assert self.environment is not None
         files = dict(self.files)
         states = States.read(files["states.parquet"])
+        asked = states[: plan.closed] if engine.program.closed else states
         with scratch_folder() as folder:
             model = own_model(
                 open_case(self.case), {n: c for n, c in files.items() if n not in ("model.npz", "states.parquet")}
             )
             asks = []
             for question in questions:
-                own = states[:1] if question == "run" else states
+                own = states[:1] if question == "run" else asked
                 settings: dict[str, Any] = {} if question == "run" else dict(ACCURATE)
                 if plan.generated:
                     settings["arrays"] = True
@@ -197,7 +198,7 @@ class Question(Work):
                 asks.append(write(folder / question, {**files, "states.parquet": own.table(), "ask.json": document}))
             written = running.run(engine.program, self.environment, asks, self.silence_s)
             for question, answered in zip(questions, written.files, strict=True):
-                _read(plan, question, answered, len(states), written.status)
+                _read(plan, question, answered, len(asked), written.status)
         return dict(zip(questions, written.files, strict=True))
 
 
@@ -223,6 +224,7 @@ class Compare(Work):
     plan: Plan | None = None
     files: tuple[tuple[str, bytes], ...] = ()
     answers: tuple[tuple[str, bytes], ...] = ()
+    closed: bool = False
 
     @classmethod
     def of(
@@ -241,6 +243,7 @@ class Compare(Work):
             plan,
             tuple(files.items()),
             tuple(answers.items()),
+            engine.program.closed,
         )
 
     def outcome(self) -> Outcome:
@@ -248,6 +251,7 @@ class Compare(Work):
         plan, files = self.plan, dict(self.files)
         assert plan is not None
         states = States.read(files.pop("states.parquet"))
+        states = states[: plan.closed] if self.closed else states
         files.pop("model.npz")
         laws = Laws(own_model(open_case(self.case), files), states)
         answers: dict[str, Answer] = {}

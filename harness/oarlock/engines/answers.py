@@ -2,14 +2,16 @@
 
 import io
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import polars as pl
 
 from oarlock.base.errors import one_line
+from oarlock.base.numbers import short
 from oarlock.engines.running import NOT_EXPRESSIBLE, EngineError
+from oarlock.mechanics.bounds import HUGE
 
 FORMAT = 1
 
@@ -32,6 +34,7 @@ class Answer:
         qacc, qfrc_constraint, qvel: (n, nv); qpos: (n, nq).
         qacc_again: (n, nv), of the same states asked about once more, each right after itself; None where it was not.
         loop_error: of a run, the largest deviation of a row since the record before (n); None where it does not say.
+        ended: why a run has no figures; empty if it has.
     """
 
     engine: str
@@ -47,6 +50,7 @@ class Answer:
     qvel: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     qacc_again: np.ndarray | None = None
     loop_error: np.ndarray | None = None
+    ended: str = ""
 
     @property
     def expressible(self) -> bool:
@@ -90,6 +94,8 @@ def read(files: dict[str, bytes], nq: int, nv: int, count: int, status: int = 0,
     if len(table) != count:
         raise EngineError(f"answer.parquet has {len(table)} rows, expected {count}")
     sizes = {"nv": nv, "nq": nq}
+    if run and (ended := _diverged(table)):
+        return replace(answer, ended=ended)
     columns: dict[str, Any] = {"time": _column(table, "time", None)}
     for name, size in _WHAT.items():
         columns[name] = _column(table, name, sizes[size])
@@ -98,6 +104,18 @@ def read(files: dict[str, bytes], nq: int, nv: int, count: int, status: int = 0,
     if "loop_error" in table.columns:
         columns["loop_error"] = _column(table, "loop_error", None)
     return Answer(**{**vars(answer), **columns})
+
+
+def _diverged(table: pl.DataFrame) -> str:
+    """Of a run that does not stay finite, in words: that is no fault of whoever answers."""
+    for name in ("qpos", "qvel"):
+        for row, values in enumerate(table[name].to_list() if name in table.columns else ()):
+            numbers = np.array(values, dtype=float)
+            if not (np.isfinite(numbers).all() and np.abs(numbers).max(initial=0.0) < HUGE):
+                time = table["time"][row] if "time" in table.columns else None
+                at = f" to t = {short(time)} s" if time is not None and np.isfinite(time) else ""
+                return f"its run does not stay finite{at}"
+    return ""
 
 
 def _document(files: dict[str, bytes]) -> dict[str, Any]:

@@ -152,7 +152,7 @@ def _arrays(holder: Any, prefix: str) -> Iterator[tuple[str, np.ndarray]]:
                 yield prefix + name, array
 
 
-ACCURATE = {"tolerance": 1e-15, "ls_tolerance": 1e-10}
+ACCURATE: dict[str, float] = {"tolerance": 1e-15, "ls_tolerance": 1e-10, "iterations": 200}
 """Of the questions of single states: how far an engine's own iteration goes is no part of what is compared."""
 
 

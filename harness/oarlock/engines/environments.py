@@ -53,7 +53,10 @@ def place(engine: Engine) -> Path:
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     digest = of_document([sorted(engine.requirements), version, engine.program.beside])
     called = engine.program.name + (f"-{engine.version}" if engine.version else "")
-    return cache() / f"{called}-{digest}"
+    own = cache() / f"{called}-{digest}"
+    # Programs of one engine share what holds the same.
+    others = [] if own.is_dir() else sorted(cache().glob(f"*-{digest}"))
+    return others[0] if others else own
 
 
 def find(engine: Engine) -> Environment | None:

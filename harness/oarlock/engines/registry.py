@@ -45,6 +45,8 @@ class Program:
         questions: what it can be asked; empty of one that only says what its reader keeps.
         precisions: of its answers; the first unless another is asked for.
         equalities: kinds of equalities that it has; None where it does not say.
+        settings: its own, by name; what others are asked for is refused.
+        closed: whether states have to be closed, for its rows have no law of their own where they are not.
     """
 
     name: str
@@ -58,6 +60,8 @@ class Program:
     questions: tuple[str, ...] = QUESTIONS
     precisions: tuple[str, ...] = PRECISIONS[:1]
     equalities: tuple[str, ...] | None = None
+    settings: tuple[str, ...] = ()
+    closed: bool = False
 
     @property
     def digest(self) -> str:
@@ -66,22 +70,34 @@ class Program:
 
 
 def _taken(path: Path) -> list[Path]:
-    """The files in ``shared/`` that a program imports, and those that these do."""
+    """The files in ``shared/`` and beside it that a program imports, and those that these do."""
     found: dict[Path, None] = {}
     waiting = [path]
     while waiting:
+        importer = waiting.pop()
         try:
-            tree = ast.parse(waiting.pop().read_bytes())
+            tree = ast.parse(importer.read_bytes())
         except (OSError, SyntaxError, ValueError):
             continue
         for node in ast.walk(tree):
-            module = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
-            if isinstance(node, ast.ImportFrom) and module.split(".")[0] == SHARED.name:
-                names = [module.split(".")[1]] if "." in module else [one.name for one in node.names]
-                new = [SHARED / f"{name}.py" for name in names]
-                waiting += [one for one in new if one.is_file() and one not in found]
-                found |= dict.fromkeys(one for one in new if one.is_file())
+            new = [one for one in _imported(node, importer.parent) if one.is_file() and one not in found]
+            waiting += new
+            found |= dict.fromkeys(new)
     return sorted(found)
+
+
+def _imported(node: ast.AST, folder: Path) -> list[Path]:
+    """The files that a statement imports if they are in ``shared/`` or in a folder."""
+    if isinstance(node, ast.Import):
+        modules = [one.name for one in node.names]
+    elif isinstance(node, ast.ImportFrom):
+        module = node.module or ""
+        modules = [module, *(f"{module}.{one.name}".lstrip(".") for one in node.names)]
+    else:
+        return []
+    parts = [module.split(".") for module in modules if module]
+    shared = [SHARED.joinpath(*part[1:]).with_suffix(".py") for part in parts if part[0] == SHARED.name and part[1:]]
+    return shared + [folder.joinpath(*part).with_suffix(".py") for part in parts]
 
 
 @cache
@@ -124,6 +140,8 @@ def _program(path: Path, head: dict[str, Any]) -> Program:
         tuple(own.get("questions", QUESTIONS)),
         tuple(own.get("precisions", PRECISIONS[:1])),
         None if equalities is None else tuple(equalities),
+        tuple(own.get("settings", ())),
+        bool(own.get("closed", False)),
     )
 
 
@@ -224,6 +242,10 @@ def parse_engine(text: str) -> Engine:
         raise InputError(f"engine '{text}': '{program.name}' has no package of its own, expected no version")
     precision = str(options.pop("precision", program.precisions[0]))
     choose(f"precision of engine '{program.name}'", precision, program.precisions)
+    for name in options:
+        if not program.settings:
+            raise InputError(f"engine '{text}': '{name}', but '{program.name}' has no settings (head of its file)")
+        choose(f"setting of engine '{program.name}'", name, program.settings)
     return Engine(text, program, version, precision, python, options)
 
 

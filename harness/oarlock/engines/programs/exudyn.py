@@ -8,6 +8,8 @@
 # several = true
 # questions = ["forward", "run"]
 # equalities = ["connect", "weld"]
+# settings = ["spectral_radius", "relative_tolerance", "absolute_tolerance", "index"]
+# closed = true
 # ///
 """Exudyn answers: maximal coordinates and the generalised-α method, another formulation and another integrator.
 

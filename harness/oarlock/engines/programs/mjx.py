@@ -10,6 +10,7 @@
 # questions = ["forward", "step", "run"]
 # precisions = ["float64", "float32"]
 # equalities = ["connect", "weld", "joint", "tendon"]
+# settings = ["tolerance", "ls_tolerance", "iterations", "ls_iterations"]
 # ///
 """MJX takes the model that its own MuJoCo compiles; one compiled function advances a state by any number of steps."""
 

@@ -9,6 +9,7 @@
 # several = true
 # questions = ["forward", "step", "run"]
 # equalities = ["connect", "weld", "joint", "tendon", "flex"]
+# settings = ["tolerance", "ls_tolerance", "iterations", "ls_iterations"]
 # ///
 """MuJoCo itself, of any version: compiles the model anew, and asks ``mj_forward`` and ``mj_step``."""
 

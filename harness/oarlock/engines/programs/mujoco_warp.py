@@ -10,6 +10,7 @@
 # questions = ["forward", "step", "run"]
 # precisions = ["float32"]
 # equalities = ["connect", "weld", "joint", "tendon"]
+# settings = ["tolerance", "ls_tolerance", "iterations", "ls_iterations"]
 # ///
 """MuJoCo Warp takes the model that its own MuJoCo compiles; states are worlds of one batch."""
 

@@ -8,6 +8,8 @@
 # several = true
 # questions = ["forward", "step", "run"]
 # equalities = ["connect", "weld", "joint", "tendon"]
+# settings = ["method", "mu", "accuracy", "iterations", "rank_cut"]
+# closed = true
 # ///
 """Pinocchio answers: exact accelerations of a mechanism that is built from a compiled model's arrays.
 
@@ -41,6 +43,9 @@ digits."""
 
 ITERATIONS = 50
 """At most; where rows are redundant they go so far, without loss of digits."""
+
+COUPLED = 1e-14
+"""Cosine of the angle between two rows that are not coupled but for rounding."""
 
 RANK_CUT = 1e-10
 """Relative to the largest eigenvalue of A = J M⁻¹ Jᵀ, where smaller ones count as none."""
@@ -297,14 +302,37 @@ class Solver:
         half = np.linalg.inv(np.linalg.cholesky(inertia))
         free = half.T @ (half @ force)
         white = rows.jacobian @ half.T
-        # The pseudo-inverse of A = X Xᵀ by the singular values of X keeps twice the digits.
-        u, values, vt = np.linalg.svd(white, full_matrices=False)
-        kept = values**2 > self._cut * max(values.max(initial=0.0) ** 2, np.finfo(float).tiny)
-        self.ranks.add(int(kept.sum()))
         asked = -rows.curvature - rows.jacobian @ free
-        change = vt[kept].T @ ((u[:, kept].T @ asked) / values[kept])
+        change, rank = np.zeros(len(free)), 0
+        for block in _blocks(white):
+            # The pseudo-inverse of A = X Xᵀ by the singular values of X keeps twice the digits. Loops that nothing
+            # couples are cut each by its own largest one: a screw of 12 566 rad/m is no measure for a four-bar.
+            u, values, vt = np.linalg.svd(white[block], full_matrices=False)
+            kept = values**2 > self._cut * max(values.max(initial=0.0) ** 2, np.finfo(float).tiny)
+            rank += int(kept.sum())
+            change += vt[kept].T @ ((u[:, kept].T @ asked[block]) / values[kept])
+        self.ranks.add(rank)
         a = free + half.T @ change
         return a, inertia @ (a - free)
+
+
+def _blocks(white: np.ndarray) -> list[np.ndarray]:
+    """Numbers of the rows that A = X Xᵀ couples, of whitened rows X (n, nv)."""
+    coupled = np.abs(white @ white.T)
+    sizes = np.sqrt(np.diag(coupled))
+    near = coupled > COUPLED * np.outer(sizes, sizes)
+    left, found = set(range(len(white))), []
+    while left:
+        block, waiting = set[int](), [min(left)]
+        while waiting:
+            row = waiting.pop()
+            if row in block:
+                continue
+            block.add(row)
+            waiting += [int(other) for other in np.flatnonzero(near[row]) if other not in block]
+        left -= block
+        found.append(np.array(sorted(block)))
+    return found
 
 
 def _forward(ask: Ask, answer: Answer, solver: Solver, timestep: float | None) -> None:

@@ -8,6 +8,7 @@
 # several = true
 # questions = ["forward"]
 # equalities = ["connect", "weld"]
+# closed = true
 # ///
 """Pinocchio reads the MJCF itself: what it keeps, and the accelerations of the mechanism that it makes of it.
 
