@@ -214,7 +214,8 @@ def test_the_page_the_matrix_and_the_badge(compared, tmp_path):
 
 def test_an_engine_that_is_not_there_is_named_with_what_to_do(model, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    with pytest.raises(InputError, match=r"engine 'mujoco@3\.6' is not installed: '--install' makes") as error:
+    said = r"engine 'mujoco@3\.6' is not installed: 'oarlock conform … --install' makes"
+    with pytest.raises(InputError, match=said) as error:
         conform([model], ["mujoco@3.6"], out=tmp_path / "out")
     assert "\n" not in str(error.value)
     assert not (tmp_path / "out").exists()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.bar import bar
-from oarlock.cli.console import JsonOption, NoCodeOption, console, emit_json, ends, say, shown
+from oarlock.cli.console import JsonOption, NoCodeOption, emit_json, ends, say
 
 if TYPE_CHECKING:
     from oarlock.conform.session import Matrix
@@ -103,8 +103,7 @@ def conform(
 
 
 def _list_engines(as_json: str | None) -> None:
-    from rich.table import Table
-
+    from oarlock.cli.tables import print_table
     from oarlock.engines import environments
     from oarlock.engines.registry import expressions, parse_engine
 
@@ -113,16 +112,13 @@ def _list_engines(as_json: str | None) -> None:
         emit_json(rows, as_json)
     if as_json == "-":
         return
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("engine", "title", "can be asked", "precision", "equalities", "there"):
-        table.add_column(title, no_wrap=True)
+    listed = []
     for row in rows:
         asked = ", ".join(row["questions"]) or "what its reader keeps"
         kinds = "–" if row["equalities"] is None else ", ".join(row["equalities"])
         there = "yes" if row["there"] else "no"
-        cells = (row["engine"], row["title"], asked, ", ".join(row["precisions"]), kinds, there)
-        table.add_row(*map(shown, cells))
-    console().print(table)
+        listed.append((row["engine"], there, row["title"], asked, ", ".join(row["precisions"]), kinds))
+    print_table(("engine", "there", "title", "can be asked", "precision", "equalities"), listed, words=6)
 
 
 def finish(matrix: "Matrix", as_json: str | None, report: Path | None, badge: Path | None) -> None:
@@ -146,21 +142,16 @@ def finish(matrix: "Matrix", as_json: str | None, report: Path | None, badge: Pa
 
 def print_matrix(matrix: "Matrix") -> None:
     """Prints a row a model and engine."""
-    from rich.table import Table
-
     from oarlock.base.numbers import short
+    from oarlock.cli.tables import print_table
     from oarlock.conform.page import COLUMNS
 
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("model", "engine"):
-        table.add_column(title, no_wrap=True)
-    for title in COLUMNS.values():
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    for row in matrix.rows:
-        cells = [short(row[name], 2) for name in COLUMNS]
-        table.add_row(*map(shown, (row["model"], row["engine"], *cells, row["verdict"])))
-    console().print(table)
+    if not matrix.rows:
+        return
+    rows = [
+        (row["model"], row["engine"], row["verdict"], *(short(row[name], 2) for name in COLUMNS)) for row in matrix.rows
+    ]
+    print_table(("model", "engine", "verdict", *COLUMNS.values()), rows, words=3)
 
 
 def say_failures(matrix: "Matrix") -> None:

@@ -108,7 +108,8 @@ def _tell(laws: Laws, answer: Answer, allowed: np.ndarray, single: bool) -> Caus
         cause = _explained(nearly[1], np.array([nearly[0]]), allowed, single)
         return replace(cause, name=f"{cause.name}+residue", text=f"{cause.text}, but for {short(nearly[0])}")
     difference, law = nearest
-    said = f"unexplained: {short(difference)} is left even with {words(law) or 'our own solution as it is'}"
+    under = words(law) or "our own solution as it is"
+    said = f"unexplained: {short(difference)} is left even {under if under.startswith('without') else f'with {under}'}"
     return Cause(UNEXPLAINED, said, difference, float(allowed.max()))
 
 

@@ -34,6 +34,9 @@ COLUMNS = {
 }
 """Figure of a row → its heading in tables."""
 
+GREY = "#d0d0d0"
+"""Colour of what no difference was measured of."""
+
 FLOOR = 1e-16
 """Where the colours begin: rounding."""
 
@@ -86,13 +89,14 @@ def heat_map(document: dict[str, Any]) -> Figure:
     )
     shade = alt.Scale(domain=[-16.0, 0.0], range=["#f7fbff", "#08519c"], clamp=True)
     legend = alt.Legend(title="log₁₀ of Δq̈ to the nearer", orient="bottom", gradientLength=240)
-    squares = base.mark_rect(stroke="white").encode(color=alt.Color("value:Q", scale=shade, legend=legend))
+    compared = alt.condition("datum.value !== null", alt.Color("value:Q", scale=shade, legend=legend), alt.value(GREY))
+    squares = base.mark_rect(stroke="white").encode(color=compared)
     dark = alt.condition("datum.value !== null && datum.value > -6", alt.value("white"), alt.value("#222"))
     words = base.mark_text(fontSize=10).encode(text="cause:N", color=dark)
     chart = (squares + words).properties(width=max(96 * len(engines), 96), height=max(26 * len(models), 26))
     caption = (
         "Worst relative difference of accelerations to the nearer of MuJoCo and the exact solution, and its cause; "
-        "white is rounding."
+        "white is rounding, grey what was not compared."
     )
     return Figure("matrix", caption, chart)
 

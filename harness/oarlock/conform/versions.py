@@ -15,6 +15,10 @@ CHANGED = 1e-2
 """Relative change of the largest gap that counts: runs that are chaotic differ by less from rounding alone in 2 s."""
 
 
+LOST = 1e3
+"""m or rad: loops that open so far hold nothing, and how far they do says nothing of a version."""
+
+
 def compare_versions(models: Sequence[str], versions: str, **options: Any) -> Matrix:
     """Asks versions of MuJoCo about models; options as of ``conform``.
 
@@ -66,7 +70,11 @@ def _change(before: dict[str, Any], after: dict[str, Any]) -> str:
         words = {True: "holds −J̇v", False: "holds no J̇v"}
         told.append(f"aref of connects and welds {words[known[0]]} before, {words[known[1]]} after, as measured")
     gaps = before["drift_max"], after["drift_max"]
-    if None not in gaps and abs(gaps[1] - gaps[0]) > CHANGED * min(gaps):
+    lost = [gap is not None and gap > LOST for gap in gaps]
+    if any(lost):
+        if not all(lost):
+            told.append(f"the run is lost {'before' if lost[0] else 'after'}: its loops open by {short(max(gaps))}")
+    elif None not in gaps and abs(gaps[1] - gaps[0]) > CHANGED * min(gaps):
         factor = max(gaps) / max(min(gaps), 1e-300)
         told.append(f"largest gap {short(gaps[0])} → {short(gaps[1])}, a factor of {factor:.3g}")
     if not told:

@@ -86,8 +86,10 @@ def _given(engine: Engine) -> Environment:
     asked, why = [path, "-c", "import sys; print(sys.version_info[:3])"], ""
     try:
         done = subprocess.run(asked, capture_output=True, text=True, timeout=_ANSWER_S, check=False)
-        if done.returncode or not done.stdout:
+        if done.returncode:
             why = f"it ends with status {done.returncode}"
+        elif not done.stdout:
+            why = "it prints nothing"
         # What is installed changes the folders of packages.
         folders = sorted(Path(path).parent.parent.glob("lib*/python*/site-packages"))
         stamps = [folder.stat().st_mtime_ns for folder in folders]
@@ -207,4 +209,4 @@ def make(engine: Engine, say: Callable[[str], None] = lambda text: None) -> Envi
 def how_to(engine: Engine) -> str:
     """What to do for an engine that is not there, in one line: the option, and a command line to copy."""
     lines = " && ".join(shlex.join(command) for command in commands(engine, place(engine)))
-    return f"'--install' makes an environment of its own in '{cache()}'; by hand: {lines}"
+    return f"'oarlock conform … --install' makes an environment of its own in '{cache()}'; by hand: {lines}"
