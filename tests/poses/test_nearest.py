@@ -285,11 +285,12 @@ def test_limits_that_cannot_be_kept_are_named():
 
 ROPED = """<mujoco><compiler angle="radian"/><worldbody>
   <body name="a"><joint name="a" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/><site name="tip" pos="0.6 0 0"/>
-    <body name="ball" pos="0.6 0 0"><joint name="ball" type="ball" range="0 0.5"/><geom size="0.1" pos="0.1 0 0"/></body>
+    <body name="ball" pos="0.6 0 0"><joint name="ball" type="ball" range="0 0.5"/><geom size="0.1"/></body>
   </body>
   <body name="b" pos="2 0 0"><joint name="b" axis="0 1 0"/><geom size="0.1" pos="0.1 0 0"/></body>
   <body name="hand" mocap="true" pos="0 0 1"><site name="hook"/></body></worldbody>
-  <tendon><fixed name="sum" limited="true" range="-0.2 0.3"><joint joint="a" coef="1"/><joint joint="b" coef="1"/></fixed>
+  <tendon><fixed name="sum" limited="true" range="-0.2 0.3"><joint joint="a" coef="1"/>
+    <joint joint="b" coef="1"/></fixed>
     <spatial name="rope" limited="true" range="0 1.5"><site site="hook"/><site site="tip"/></spatial></tendon>
   <equality><joint joint1="a" joint2="b"/></equality></mujoco>"""
 

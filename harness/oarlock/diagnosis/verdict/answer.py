@@ -20,7 +20,7 @@ _BECAUSE = {
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
-_BEYOND = ("A2", "A3", "A5", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
+BEYOND = ("A2", "A3", "A5", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
 """What no settings mend: something else in the file has to be another one."""
 
 _PREDICATES = ("is ", "opens ", "stands ", "stays ", "cannot ", "gives ")
@@ -42,7 +42,7 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
         said = _own(why) if why.code not in _BECAUSE else f"{_opens(exam, worst)}: {_BECAUSE[why.code]}"
         if why.code == "D1" and exam.rotors is not None and worst.equality in exam.rotors.left:
             said += f"; {with_armature(exam.rotors, worst.equality)}"
-        return said if why.code in _BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
+        return said if why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
     if holds:
         return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(exam, worst, 'at most ')}"
     return f"{_opens(exam, worst)}{_mended(exam)}"
