@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, few
-from oarlock.diagnosis.lint import collision
+from oarlock.diagnosis.lint import collision, servo
 from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.lint.lints import look
 from oarlock.diagnosis.lint.view import Remark, View
@@ -19,6 +19,7 @@ from oarlock.diagnosis.loops.stops import Stops, find_stops
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
 from oarlock.diagnosis.options import CheckOptions, usual_target
+from oarlock.diagnosis.runs.borne import GAINS, largest_borne
 from oarlock.diagnosis.runs.branch import Branch, find_branch
 from oarlock.diagnosis.runs.deadpoint import TORN, DeadPoint, find_dead_point
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
@@ -299,6 +300,8 @@ def _causes(found: Examination) -> None:
         found.missing["causes"] = astray
         return
     if found.recording.end.how == "diverged":
+        with _Reason(found, "gains"):
+            found.remarks["servo"] = [_borne(found, one) for one in found.remarks.get("servo", [])]
         found.without = find_fed(found.recording, found.steps)
         if not any(one.left for one in found.without) and not _known(found):
             found.without += find_finer(found.recording, found.steps)
@@ -313,6 +316,18 @@ def _causes(found: Examination) -> None:
                 f"MuJoCo's rows do not follow the law of an oscillator (defect {attribution.defect:.1g}), "
                 f"as under the integrator '{found.recording.integrator}'"
             )
+
+
+def _borne(found: Examination, remark: Remark) -> Remark:
+    """What is said of a servo's gains with the loops, by the run and not by a step at its start."""
+    assert found.recording is not None
+    names = [remark.element, *remark.figures["also"]]
+    numbers = [controls.actuators(found.model).index(name) for name in names]
+    for gain in GAINS:
+        if (most := remark.figures.get(f"{gain}_with_loops")) is not None:
+            bounds = remark.figures[f"{gain}_stable"], min(most, remark.figures[gain])
+            remark = servo.measured(remark, gain, largest_borne(found.recording, numbers, gain, *bounds, found.steps))
+    return remark
 
 
 def _known(found: Examination) -> bool:

@@ -40,6 +40,7 @@ NAMES = {
     "R1": "diverged",
     "R2": "inequalities-active",
     "R3": "log-not-reproduced",
+    "R4": "still",
     "U4": "dead-point",
     "U5": "branch",
     "U3": "shared-with-contacts",

@@ -183,6 +183,7 @@ def _recipe(exam: Examination) -> dict[str, Any] | None:
         "target": recipe.target,
         "outcome": recipe.outcome,
         "reason": recipe.reason,
+        "untried": recipe.untried,
         "mjcf": recipe.mjcf,
         "authored": _trial(recipe.authored),
         "chosen": _trial(recipe.chosen),

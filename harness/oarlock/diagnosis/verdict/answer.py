@@ -9,6 +9,7 @@ from oarlock.diagnosis.runs.drifts import Drift
 from oarlock.diagnosis.verdict.blame import held, with_armature
 from oarlock.diagnosis.verdict.cost import metres, named
 from oarlock.diagnosis.verdict.findings import Finding, worst_first
+from oarlock.diagnosis.verdict.motions import stands
 
 _BECAUSE = {
     "D1": "MuJoCo's constraints are springs, and the load pulls it apart",
@@ -39,13 +40,18 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
     holds = worst.largest <= exam.target
     if bad and (not holds or bad[0].severity == "error"):
         why = _cause(worst, bad)
-        said = _own(why) if why.code not in _BECAUSE else f"{_opens(exam, worst)}: {_BECAUSE[why.code]}"
+        said = _own(why) if why.code not in _BECAUSE else f"{_opens(worst)}: {_BECAUSE[why.code]}"
         if why.code == "D1" and exam.rotors is not None and worst.equality in exam.rotors.left:
             said += f"; {with_armature(exam.rotors, worst.equality)}"
         return said if why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
+    if holds and stands(exam):
+        return (
+            "Nothing of its loops moves in this run, so that how they hold is not seen: give it a start with a "
+            "velocity (--keyframe), or controls (--controls, --control)"
+        )
     if holds:
-        return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(exam, worst, 'at most ')}"
-    return f"{_opens(exam, worst)}{_mended(exam)}"
+        return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(worst, 'at most ')}"
+    return f"{_opens(worst)}{_mended(exam)}"
 
 
 def _own(finding: Finding) -> str:
@@ -68,9 +74,8 @@ def _cause(worst: Drift, bad: Sequence[Finding]) -> Finding:
     return max((*own[:1], bad[0]), key=lambda one: one.cost)
 
 
-def _opens(exam: Examination, worst: Drift, most: str = "") -> str:
-    parts = [figure(value, unit) for value, unit in ((worst.metres, "m"), (worst.radians, "rad")) if value is not None]
-    return f"{quoted(worst.equality)} opens by {most}{' and '.join(parts)} at t = {worst.time_s:.4g} s"
+def _opens(worst: Drift, most: str = "") -> str:
+    return f"{quoted(worst.equality)} opens by {most}{worst.at}"
 
 
 def _mended_alone(exam: Examination, what: str) -> str:
@@ -92,4 +97,5 @@ def _mended(exam: Examination, what: str = "it") -> str:
     left = max([recipe.chosen, *recipe.verified], key=lambda one: one.drift)
     whence = "from the closed start, " if exam.pose is not None and not exam.pose.consistent else ""
     most = "opens by at most" if what == "it" else "opens by more than"
-    return f"; {whence}with {recipe.reason} {what} {most} {held(left)}"
+    untried = f", {recipe.untried}" if recipe.untried else ""
+    return f"; {whence}with {recipe.reason} {what} {most} {held(left)}{untried}"

@@ -373,6 +373,8 @@ def remedy(exam: Examination) -> Iterator[Finding]:
     if recipe.conserving is not None:
         least = recipe.conserving
         said += f"; {least.label} leaves an energy error of {least.energy_error:.2g} J, at {_cost(least)}"
+    if recipe.untried:
+        said += f"; {recipe.untried}"
     if _jammed(exam):
         said += "; what is locked (S3) then stands still"
     yield found("T1", exam.file, said, **figures)
@@ -406,9 +408,12 @@ def above(exam: Examination, bound: float) -> Iterator[Finding]:
     expected = f"expected at most {bound:g} (m, rad)"
     for one in sorted(exam.drifts, key=lambda one: one.largest if one.largest == one.largest else np.inf, reverse=True):
         if one.level == "position" and not one.largest <= bound:
-            parts = [(one.metres, "m"), (one.radians, "rad")]
-            said = " and ".join(f"{value:.3g} {unit}" for value, unit in parts if value is not None and value > bound)
-            line = f"drifts {said or 'beyond all numbers'} at t = {one.time_s:.4g} s, {expected}"
+            parts = [(one.metres, "m", one.metres_s), (one.radians, "rad", one.radians_s)]
+            beyond = [
+                (f"{value:.3g} {unit}", time) for value, unit, time in parts if value is not None and value > bound
+            ]
+            said = " and ".join(f"{value} at t = {time:.4g} s" for value, time in beyond)
+            line = f"drifts {said or f'beyond all numbers at t = {one.time_s:.4g} s'}, {expected}"
             yield found("D7", exam.file, line, element=one.equality, drift=finite(one.largest), bound=bound)
     if exam.recording is None:
         yield found(

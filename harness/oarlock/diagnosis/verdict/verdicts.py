@@ -64,6 +64,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         motions.lasting,
         _settings,
         _run,
+        motions.still,
         motions.pace,
         motions.overdriven,
         blame.drift,
