@@ -54,6 +54,7 @@ NAMES = {
     "L11": "doubled",
     "L12": "idle",
     "L13": "swapped",
+    "L14": "rank-flips",
     "S5": "drawn",
     "S6": "by-definition",
     "S7": "relpose",

@@ -1,7 +1,7 @@
 """From what a run does to findings: dead points, branches, steps that are too long, what lasts, starved solvers."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.verdict.blame import held, in_words
 from oarlock.diagnosis.verdict.causes import CAUSE
 from oarlock.diagnosis.verdict.findings import Finding, found
+from oarlock.diagnosis.verdict.ranks import doubtful
 from oarlock.stepping.state import STILL
 
 
@@ -41,12 +42,6 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
         torn=one.torn.largest,
         also=[name for name in one.equalities if name != one.equality],
     )
-
-
-def doubtful(exam: Examination, equalities: Iterable[str]) -> bool:
-    """Whether the rank of their loops hangs on a small number (L8): what they then admit is an accident of the file."""
-    named = {name for one in exam.remarks.get("doubtful", []) for name in (one.element, *one.figures.get("also", ()))}
-    return not named.isdisjoint(equalities)
 
 
 def _coordinate(value: float, unit: str) -> str:

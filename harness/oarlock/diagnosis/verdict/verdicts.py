@@ -22,9 +22,9 @@ from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.runs.without import FINEST, PARTS
-from oarlock.diagnosis.verdict import blame, motions
+from oarlock.diagnosis.verdict import blame, motions, ranks
 from oarlock.diagnosis.verdict.blame import in_words, merged
-from oarlock.diagnosis.verdict.cost import priced
+from oarlock.diagnosis.verdict.cost import named, priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.engine_version import SPARSE_NEWTON_ERRS
 from oarlock.mechanics.names import element_name
@@ -71,6 +71,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         motions.unfed,
         blame.energy,
         blame.remedy,
+        ranks.flips,
         _motion,
         _reactions,
         _loops,
@@ -410,6 +411,7 @@ def _reactions(exam: Examination) -> Iterator[Finding]:
     if exam.reactions is None or not exam.closed:
         return
     together = {name for one in exam.reactions.together if one.unique for name in one.names}
+    hanging = ranks.hanging(exam)
     for one in exam.reactions.equalities:
         if one.unique:
             continue
@@ -419,6 +421,8 @@ def _reactions(exam: Examination) -> Iterator[Finding]:
             said = ["its multiplier is not unique"]
         if together & set(one.names):
             said.append("the sum with those between the same bodies is unique")
+        if hanging & set(one.names):
+            said.append("it hangs on a small number (L8)")
         yield found("U1", exam.file, "; ".join(said), element=one.names[0], verdict=one.verdict)
     for beside in exam.recording.beside if exam.recording else ():
         said = f"not unique beside {few(list(beside.others), last='')}"
@@ -428,7 +432,9 @@ def _reactions(exam: Examination) -> Iterator[Finding]:
 def _motion(exam: Examination) -> Iterator[Finding]:
     if exam.history is None:
         return
-    singular = [event for event in exam.history.events if event.kind == "singular"]
+    flipping = {name for one in ranks.flips(exam) for name in named(one)}  # no pose is singular there (L14)
+    events = [event for event in exam.history.events if flipping.isdisjoint(event.equalities)]
+    singular = [event for event in events if event.kind == "singular"]
     for event in singular[:1]:
         more = {0: "", 1: " and once more"}.get(len(singular) - 1, f" and {len(singular) - 1} more times")
         others = f"with {in_words(list(event.equalities[1:]))}, " if event.equalities[1:] else ""
@@ -436,7 +442,7 @@ def _motion(exam: Examination) -> Iterator[Finding]:
         said += f" at t = {event.time_s:.6g} s{more}"
         times = ", ".join(f"{one.time_s:.10g}" for one in singular)
         yield found("L5", exam.file, said, element=event.equalities[0], also=list(event.equalities[1:]), times_s=times)
-    near = [event for event in exam.history.events if event.kind == "near"]
+    near = [event for event in events if event.kind == "near"]
     for event in sorted(near, key=lambda event: event.smallest)[:1]:
         said = f"at t = {event.time_s:.4g} s the smallest singular value falls to {event.smallest:.2g} of its median"
         if len(near) > 1:
