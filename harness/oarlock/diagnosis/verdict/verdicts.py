@@ -27,6 +27,7 @@ from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import named, priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.engine_version import SPARSE_NEWTON_ERRS
+from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import element_name
 
 _PAIRS = 3
@@ -136,12 +137,12 @@ def _loops(exam: Examination) -> Iterator[Finding]:
         by = " and ".join(part for part in (own, flag) if part)
         name = element_name(model, _EQUALITY, index)
         yield found("L6", file, f"is switched off by {by}: nothing here counts it", element=name)
+    if flag or not _rows(exam):
+        yield found("L1", file, _no_row(model, idle, flag), equalities=model.neq)
+        return
     if exam.pose is None:
         return
     loops = exam.pose.loops
-    if flag or loops.rank == 0:
-        yield found("L1", file, _no_row(model, idle, flag), equalities=model.neq)
-        return
     for loop in loops.loops:
         if loop.zero_rows:
             planar = loops.groups[loop.group].shape == "planar"
@@ -170,6 +171,17 @@ def _loops(exam: Examination) -> Iterator[Finding]:
             said = f"could be left out, and the mechanism would move the same way{one_of}"
             yield found("L7", file, said, element=own[0], also=own[1:])
         yield from _dependent(exam, group, set(own))
+
+
+def _rows(exam: Examination) -> bool:
+    """Whether some row of an equality holds anything."""
+    if exam.pose is not None:
+        return exam.pose.loops.rank > 0
+    data = mujoco.MjData(exam.model)
+    data.qpos[:] = exam.qpos
+    with collected_warnings():  # what MuJoCo's memory does not suffice for, the run tells
+        mujoco.mj_fwdPosition(exam.model, data)
+    return data.ne > 0  # MuJoCo leaves out an equality whose rows are zero
 
 
 def _no_row(model: mujoco.MjModel, idle: Sequence[int], flag: str) -> str:
