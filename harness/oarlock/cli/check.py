@@ -85,6 +85,11 @@ def check(
     Status 1: --fail-above was exceeded, --lint found an error, or a file that was asked for does not hold the target.
     Of several files each is checked, whatever the others are; the status is the worst, the JSON a list.
     """
+    copies = {"--write-keyframe": write_keyframe, "--write-tuned": write_tuned, "--fix": fix}
+    copies = {flag: path for flag, path in copies.items() if path is not None}
+    if lint:
+        shown = {"--states": states, "--duration": duration, "--target": target, "--hold": hold or None}
+        _require_alone({**copies, "--report": report, "--fail-above": fail_above, **shown})
     options = CheckOptions(
         keyframe=keyframe,
         controls=controls,
@@ -101,10 +106,6 @@ def check(
         lint=lint,
         hold=None if not hold else [] if hold == ["none"] else hold,
     )
-    copies = {"--write-keyframe": write_keyframe, "--write-tuned": write_tuned, "--fix": fix}
-    copies = {flag: path for flag, path in copies.items() if path is not None}
-    if lint:
-        _require_alone({**copies, "--report": report, "--fail-above": fail_above})
     several = len(files) > 1
     if several and copies:
         raise InputError(f"{next(iter(copies))} with {len(files)} files, expected one file to copy")

@@ -27,7 +27,7 @@ STATUSES = {
     GATE_FAILED: "a gate failed, a bound was exceeded, a run ended otherwise than expected, a comparison got worse, "
     "or what was asked for cannot be had",
     BAD_INPUT: "bad input: one line on standard error names it and says what was expected",
-    INTERRUPTED: "interrupted; what was finished is kept",
+    INTERRUPTED: "interrupted; run, suite and conform keep what was finished",
     READER_GONE: "whoever read the output has gone",
 }
 """Exit status of every command → what it means."""
@@ -61,14 +61,22 @@ NoCodeOption = Annotated[
 ]
 
 
+KEPT = "the runs that were finished are kept"
+"""What is said of an interruption by a command whose results are written run by run, and which goes on from there."""
+
+
 @contextmanager
-def ends() -> Iterator[None]:
-    """How a command ends that is interrupted or whose reader has gone. typer would give both another status."""
+def ends(kept: str = "") -> Iterator[None]:
+    """How a command ends that is interrupted or whose reader has gone. typer would give both another status.
+
+    Args:
+        kept: what an interruption leaves, in words; empty: nothing.
+    """
     try:
         yield
         sys.stdout.flush()
     except KeyboardInterrupt:
-        say("oarlock: interrupted; the runs that were finished are kept")
+        say("; ".join(filter(None, ("oarlock: interrupted", kept))))
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
         # Nothing is left to say, not even on closing.

@@ -243,7 +243,9 @@ def _run(found: Examination) -> None:
     elif found.closed:
         with _Reason(found, "exact"):
             model, pose = _exact_model(found), found.pose
-            found.exact = record_exact(model, pose.qpos, pose.qvel, found.laws, found.steps, act=found.act)
+            since = found.states.start_s if found.states is not None else 0.0
+            given = (model, pose.qpos, pose.qvel, found.laws, found.steps)
+            found.exact = record_exact(*given, act=found.act, start_s=since)
             if doubt := found.exact.doubt:
                 found.exact = None
                 found.missing["exact"] = doubt
