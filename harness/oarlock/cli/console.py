@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from oarlock.base.errors import InputError
 from oarlock.base.files import write_text
 from oarlock.base.text import json_visible, visible
 
@@ -119,18 +120,41 @@ def say(text: str) -> None:
     print(visible(text), file=sys.stderr)
 
 
-def emit_json(document: Any, target: str) -> None:
+STDOUT = "-"
+"""Stands for standard output where a file is asked for."""
+
+
+def emit(text: str, target: str) -> None:
     """Writes a document to a file, or to standard output if the target is ``-``.
 
     Raises:
         InputError: the file cannot be written.
     """
-    text = json_visible(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
-    if target == "-":
+    if target == STDOUT:
         sys.stdout.write(text)
         sys.stdout.flush()
     else:
         write_text(Path(target), text, named=True)
+
+
+def emit_json(document: Any, target: str) -> None:
+    """Writes a document as JSON, as ``emit``."""
+    emit(json_visible(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)) + "\n", target)
+
+
+def prints(documents: Mapping[str, str | None]) -> bool:
+    """Whether standard output is left for people: no document goes there.
+
+    Args:
+        documents: flag → where its document goes.
+
+    Raises:
+        InputError: two of them go there.
+    """
+    there = [flag for flag, target in documents.items() if target == STDOUT]
+    if len(there) > 1:
+        raise InputError(f"{there[0]} - and {there[1]} -, expected one document on standard output")
+    return not there
 
 
 def one_of(names: Iterable[str]) -> str:
