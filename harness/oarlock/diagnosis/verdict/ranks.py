@@ -24,26 +24,41 @@ def hanging(exam: Examination) -> set[str]:
 def flips(exam: Examination) -> Iterator[Finding]:
     """L14: a rank that is another one along the motion than at the closed start, by a number that stays small."""
     history, pose = exam.history, exam.pose
-    if history is None or pose is None or history.rank == pose.loops.rank:
+    if history is None or pose is None:
         return
-    if float(np.median(history.smallest)) >= NEAR * CUT:  # the start is singular, and the motion is not
+    others = {pose.loops.rank, *history.ranks} - {history.rank}
+    if not others:
         return
-    names = [name for one in history.generic.groups if one.spectrum.doubtful for name in one.equalities]
+    decides = history.dropped if max(others) > history.rank else history.smallest
+    least, most = float(decides.min()), float(decides.max())
+    if float(np.median(decides)) >= NEAR * CUT or most <= CUT / NEAR:  # it passes a singular pose, and that is all
+        return
+    groups = [*history.generic.groups, *pose.loops.groups]
+    names = list(dict.fromkeys(name for one in groups if one.spectrum.doubtful for name in one.equalities))
     if not names:
         return
-    least, most = float(history.smallest.min()), float(history.smallest.max())
-    times = [event.time_s for event in history.events if event.kind == "singular"]
+    times = [event.time_s for event in history.events if event.kind == "singular" and decides is history.smallest]
     said = (
-        f"rank {pose.loops.rank} at the closed start and {history.rank} along the motion: the singular value that "
-        f"decides goes from {least:.2g} to {most:.2g} of the largest"
+        f"rank {pose.loops.rank} at the closed start and {_along(history.ranks)} along the motion: the singular value "
+        f"that decides goes from {least:.2g} to {most:.2g} of the largest"
     )
     if times:
         more = f" and {len(times) - 1} times more" if len(times) > 1 else ""
         said += f", and through zero at t = {times[0]:.4g} s{more}"
     if exam.exact is None and (lost := exam.missing.get("exact")):
         said += f"; the exact solution: {lost.partition(', expected')[0]}"
-    figures = {"rank": pose.loops.rank, "rank_along": history.rank, "least": least, "most": most, "times_s": times}
+    figures = {
+        "rank": pose.loops.rank,
+        "ranks_along": list(history.ranks),
+        "least": least,
+        "most": most,
+        "times_s": times,
+    }
     yield found("L14", exam.file, said, element=names[0], also=names[1:], **figures)
+
+
+def _along(ranks: Iterable[int]) -> str:
+    return " or ".join(map(str, sorted(set(ranks))))
 
 
 def _doubtful(exam: Examination) -> set[str]:
