@@ -59,6 +59,16 @@ def test_the_command_does_not_call_it_fixed(oarlock_here):
     assert "L9 contradictory of" in said.stderr
 
 
+def test_no_copy_of_an_included_file_is_left_that_has_no_change(tmp_path):
+    """The equalities stand in a file of their own, of which the first try has a copy with settings."""
+    equality = WRONG["C3"][WRONG["C3"].index("<equality>") : WRONG["C3"].index("<actuator>")]
+    (tmp_path / "loops.xml").write_text(f"<mujoco>{equality}</mujoco>")
+    fix, _ = fixed(tmp_path, WRONG["C3"].replace(equality, '<include file="loops.xml"/>'))
+    assert not fix.reached
+    assert {path.name for path in tmp_path.iterdir()} == {"model.xml", "loops.xml", "fixed.xml"}
+    assert [path.name for path in fix.written] == ["fixed.xml"]
+
+
 def test_settings_that_the_user_asks_for_are_written_all_the_same(tmp_path):
     fix, _ = fixed(tmp_path, WRONG["C3"], timestep=0.0005)
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "fixed.xml")).opt.timestep == 0.0005

@@ -12,6 +12,7 @@ from oarlock.base.numbers import finite, percent
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.lint.locked import how_bad
+from oarlock.diagnosis.lint.view import Remark
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
@@ -224,10 +225,14 @@ def _beyond_repair(exam: Examination) -> set[str]:
             found_ |= set(groups)
     if exam.dead_point is not None:  # torn: all that follows is the motion of another mechanism
         found_ |= set(exam.dead_point.equalities)
-    lints = ("contradictory", "opposed", "pin")
-    wrong = [one for lint in lints for one in exam.remarks.get(lint, []) if one.severity is None]
-    locked = {groups.get(name) for one in wrong for name in (one.element, *one.figures["also"])}
+    locked = {groups.get(name) for one in _wrong(exam) for name in (one.element, *one.figures["also"])}
     return found_ | {name for name, group in groups.items() if group in locked}
+
+
+def _wrong(exam: Examination) -> list[Remark]:
+    """What no stiffness cures: couplings and pins that lock their loops."""
+    lints = ("contradictory", "opposed", "pin")
+    return [one for lint in lints for one in exam.remarks.get(lint, []) if one.severity is None]
 
 
 def _figures(share: Share, worst: Drift) -> dict[str, float | str | None]:
@@ -377,6 +382,8 @@ def remedy(exam: Examination) -> Iterator[Finding]:
         said += f"; {recipe.untried}"
     if _jammed(exam):
         said += "; what is locked (S3) then stands still"
+    elif codes := sorted({one.code for one in _wrong(exam)}):
+        said += f"; what contradicts itself ({few(codes)}) then stands still"
     yield found("T1", exam.file, said, **figures)
 
 
