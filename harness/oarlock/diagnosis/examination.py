@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -36,10 +37,12 @@ from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
+from oarlock.diagnosis.runs.stuck import Stuck, find_stuck
 from oarlock.diagnosis.runs.trials import Made, Start
 from oarlock.diagnosis.runs.without import Without, find_fed, find_finer, find_without, starving
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
+from oarlock.mechanics.load import takes_degrees
 from oarlock.mechanics.state_log import StateLog
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.start import carried
@@ -94,6 +97,7 @@ class Examination:
         stops: the limits that lock it at the closed start.
         stopped: limits that open an equality of their loop in MuJoCo's run.
         overdriven: servos that pull a loop apart which has not so much freedom.
+        stuck: servos that something holds short of where they are told to be.
         fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         states: the log of states that takes the place of MuJoCo's own run.
@@ -137,6 +141,7 @@ class Examination:
     stops: Stops | None = None
     stopped: tuple[Stopped, ...] = ()
     overdriven: tuple[Overdriven, ...] = ()
+    stuck: tuple[Stuck, ...] = ()
     fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
@@ -270,6 +275,7 @@ def _run(found: Examination) -> None:
         found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
+            found.stuck = find_stuck(found.recording, loops, found.size, partial(takes_degrees, found.path))
             dead = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
             stuck = {name for one in found.pose.mobility if one.locked for name in one.equalities}
             # What is locked (S3) never leaves its start, and comes to no dead point.

@@ -63,6 +63,7 @@ NAMES = {
     "A3": "jump",
     "A4": "stiff-damping",
     "A5": "overdriven",
+    "A6": "stuck",
     "T6": "under-damped",
     "V1": "version",
     "V2": "sparse-newton",

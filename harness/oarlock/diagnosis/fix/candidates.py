@@ -51,6 +51,16 @@ def exclusions(exam: Examination) -> Iterator[tuple[Exclusion, Collision]]:
             yield Exclusion(*one.bodies), one
 
 
+def freeing(exam: Examination) -> Iterator[tuple[Exclusion, str]]:
+    """Of bodies that overlap at the start and hold a servo, with what a run without their contacts showed."""
+    for one in exam.stuck:
+        late = one.late[0]
+        for each in one.exclusions:
+            said = f"whose contact holds {quoted(late.servo.name)} at {late.reached:.3g} {late.unit}"
+            said += f" of {late.told:.3g}, {one.without:.3g} without it"
+            yield Exclusion(each.bodies[0], each.bodies[1]), said
+
+
 def closed_keyframe(bench: Bench, changes: Sequence[Change] = ()) -> Keyframe | None:
     """The nearest closed pose in the keyframe that the start came from, or in a new one where it came from none.
 

@@ -11,7 +11,7 @@ from oarlock.diagnosis.edit.changes import Change, Constants, Exclusion, Keyfram
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.edit.keyframe import new_name
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.candidates import closed_keyframe, exclusions
+from oarlock.diagnosis.fix.candidates import closed_keyframe, exclusions, freeing
 from oarlock.diagnosis.fix.choice import Choice
 from oarlock.diagnosis.fix.offsets import choose_offsets
 from oarlock.diagnosis.fix.relposes import choose_relposes
@@ -47,10 +47,16 @@ def choose_changes(bench: Bench) -> Choice:
     for exclusion, collision in exclusions(exam):
         wanted.append(exclusion)
         found.collisions[id(exclusion)] = collision
+    for exclusion, said in freeing(exam):
+        if exclusion not in wanted:
+            wanted.append(exclusion)
+            found.freeing[id(exclusion)] = said
     changes = [change for one in wanted if (change := _with_room(bench, one, found))]
     _settle(bench, found, changes)
     for change in list(changes):  # at the author's settings: stiff ones hide what a collision does
         if isinstance(change, Constants):  # which was tried, and which the closed pose hangs on
+            continue
+        if id(change) in found.freeing:  # which was tried, and moves what stood still: no gap measures that
             continue
         rest = [one for one in changes if one is not change]
         with_it, without = bench.run(changes), bench.run(rest)
@@ -185,11 +191,14 @@ def described(bench: Bench, change: Change, found: Choice) -> str:
         return f"the nearest closed pose in keyframe '{name}'{moves}"
     if isinstance(change, Exclusion):
         names = [element_name(base.model, mujoco.mjtObj.mjOBJ_BODY, body) for body in (change.body1, change.body2)]
+        apart = f"no contacts of '{names[0]}' and '{names[1]}'"
+        if (said := found.freeing.get(id(change))) is not None:
+            return f"{apart}, {said}"
         one = found.collisions[id(change)]
         joins = f", which {quoted(one.equality)} joins and which collide" + (
             f" by {one.depth * 1e3:.2g} mm" if one.depth else ""
         )
-        return f"no contacts of '{names[0]}' and '{names[1]}'{joins}"
+        return f"{apart}{joins}"
     if isinstance(change, Constants):
         offset = found.offsets[id(change)]
         return f"{offset}, for {offset.why}"

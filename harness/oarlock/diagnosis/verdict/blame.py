@@ -79,7 +79,7 @@ def drift(exam: Examination) -> Iterator[Finding]:
     if exam.attribution is None or exam.recording is None:
         return
     recording, groups = exam.recording, _groups(exam)
-    beyond = _beyond_repair(exam)
+    beyond = beyond_repair(exam)
     causes: dict[tuple[str, int], list[tuple[Share, Drift, Part]]] = {}
     for share in exam.attribution.shares:
         worst = position(exam, share.name)
@@ -211,7 +211,7 @@ def _groups(exam: Examination) -> dict[str, int]:
     return {loop.name: loop.group for loop in exam.pose.loops.loops} if exam.pose else {}
 
 
-def _beyond_repair(exam: Examination) -> set[str]:
+def beyond_repair(exam: Examination) -> set[str]:
     """Equalities whose drift says nothing: of groups that cannot be closed or are torn, and of runs that diverge."""
     groups, found_ = _groups(exam), set()
     if not exam.closed and exam.pose is not None:

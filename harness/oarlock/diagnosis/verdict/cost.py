@@ -121,6 +121,7 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "S7": _whole,
     "C2": _lag,
     "A5": _collision,
+    "A6": _figure("short"),
     "C4": _collision,
     "C5": _collision,
     "S1": _opened,

@@ -22,7 +22,7 @@ from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.runs.without import FINEST, PARTS
-from oarlock.diagnosis.verdict import blame, motions, ranks
+from oarlock.diagnosis.verdict import blame, motions, ranks, unmoved
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import named, priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
@@ -68,6 +68,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         motions.still,
         motions.pace,
         motions.overdriven,
+        unmoved.stuck,
         blame.drift,
         motions.unfed,
         blame.energy,
