@@ -24,6 +24,7 @@ def stuck(exam: Examination) -> Iterator[Finding]:
         return
     locked = {name for one in exam.pose.mobility if one.locked for name in one.equalities}
     wrong = beyond_repair(exam) | locked
+    wrong |= {name for one in exam.remarks.get("locked", []) for name in (one.element, *one.figures.get("also", ()))}
     odd = {name for one in exam.remarks.get("unit", []) for name in (one.element, *one.figures.get("also", ()))}
     for one in exam.stuck:
         names = exam.pose.loops.groups[one.group].equalities
