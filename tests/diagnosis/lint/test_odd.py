@@ -95,3 +95,14 @@ def test_the_sign_that_is_unlike_the_others_is_named(ratios, odd):
 )
 def test_which_of_several_is_unlike_the_others(asks, first):
     assert oddest(asks)[0] == first
+
+
+@pytest.mark.parametrize(("lead", "told", "said"), [(0.0016, 40, False), (0.0005, 90, False), (0.1, 40, True)])
+def test_many_turns_of_a_screw_are_no_degrees(lead, told, said):
+    """A slide of 0.2 m takes 40 rad of a screw of 1.6 mm a radian; of one of 100 mm it does not."""
+    servo = '<position name="lift" joint="motor" kp="1"/>'
+    text = press(("beam_l", "motor", lead), ("beam_r", "motor", lead))
+    text = text.replace('<motor joint="motor"/>', servo)
+    text = text.replace('type="slide" axis="0 0 1"', 'type="slide" axis="0 0 1" limited="true" range="0 .2"')
+    text = text.replace("</mujoco>", f'<keyframe><key ctrl="{told}"/></keyframe></mujoco>')
+    assert ("A2" in {one.code for one in of_text(text, 0)}) == said
