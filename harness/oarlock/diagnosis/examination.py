@@ -340,7 +340,7 @@ def _borne(found: Examination, remark: Remark) -> Remark:
 
 def _known(found: Examination) -> bool:
     """Whether a row, a servo or a damper is unstable by itself: then that is what makes a run diverge."""
-    remarks = [one for lint in ("servo", "damper") for one in found.remarks.get(lint, [])]
+    remarks = [one for lint in ("servo", "damper", "feeding") for one in found.remarks.get(lint, [])]
     return any(one.severity != "note" for one in remarks) or not all(one.stable for one in found.settings)
 
 

@@ -64,6 +64,7 @@ NAMES = {
     "A4": "stiff-damping",
     "A5": "overdriven",
     "A6": "stuck",
+    "A7": "feeding",
     "T6": "under-damped",
     "V1": "version",
     "V2": "sparse-newton",

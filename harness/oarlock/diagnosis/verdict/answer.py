@@ -21,7 +21,7 @@ _BECAUSE = {
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
-BEYOND = ("A2", "A3", "A5", "A6", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
+BEYOND = ("A2", "A3", "A5", "A6", "A7", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
 """What no settings mend: something else in the file has to be another one."""
 
 UNMOVED = ("A6",)

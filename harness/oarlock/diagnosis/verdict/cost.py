@@ -13,7 +13,7 @@ from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
 
-_CAUSES = ("A1", "A2", "A3", "A4", "A5", "C2", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
+_CAUSES = ("A1", "A2", "A3", "A4", "A5", "A7", "C2", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
 
@@ -115,6 +115,7 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "D6": _solver,
     "A2": _whole,
     "A3": _whole,
+    "A7": _whole,
     "L13": _whole,
     "D8": _whole,
     "S3": _whole,

@@ -95,7 +95,7 @@ def _lint(exam: Examination) -> Iterator[Finding]:
         line, severity, figures = remark.line, remark.severity, remark.figures
         if remark.code == "A1" and severity is None and exam.recording is not None:
             line, severity = _shaking(exam.recording, line)
-        if remark.code == "A4" and exam.recording is not None and exam.recording.end.how == "diverged":
+        if remark.code in ("A4", "A7") and exam.recording is not None and exam.recording.end.how == "diverged":
             severity = "error"
         yield found(remark.code, exam.file, line, element=remark.element, severity=severity, **figures)
 
