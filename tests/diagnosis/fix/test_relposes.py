@@ -97,3 +97,29 @@ def test_a_weld_whose_own_pose_is_near_keeps_it(tmp_path):
     assert "the closed pose holds the weld as it is" in said
     assert opened(model, 0) < 1e-9
     assert model.key_qpos[0].tolist() != [0.4, 0, 0.3]
+
+
+CARRIED = """<mujoco>
+  <option timestep="0.002"/>
+  <default><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body name="arm" pos="0 0 0.5"><joint name="arm" axis="0 1 0" damping="2"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.02"/></body>
+    <body name="tray" pos="0.4 0.1 0.5" quat="0.8 0 0.6 0"><freejoint/>
+      <geom type="box" pos="0.1 0 0.15" size="0.15 0.05 0.01" mass="1"/></body>
+  </worldbody>
+  <equality><weld name="grip" body1="arm" body2="tray" relpose="0.4 0.1 0 0 0.6 0 0.8"/></equality>
+  <actuator><position joint="arm" kp="200" kv="5"/></actuator>
+</mujoco>"""
+
+
+def test_what_a_finding_names_is_written_although_another_pose_would_close_it(tmp_path):
+    """The tray is free, and a start in which it hangs as the crooked relpose has it opens a little less."""
+    fix, checked, model = fixed(tmp_path, CARRIED)
+    assert "S7" in {one.code for one in checked.verdict}
+    (said,) = relposes(fix)
+    assert said.endswith("(S7)")
+    np.testing.assert_allclose(model.eq_data[0, 3:10], [0.4, 0.1, 0, *TURN], atol=1e-12)
+    assert opened(model) < 1e-12
+    assert "S7" in fix.mended
+    assert not [one for one in fix.changes if "keyframe" in one.what]

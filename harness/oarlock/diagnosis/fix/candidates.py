@@ -20,6 +20,10 @@ from oarlock.stepping.closing import CONSISTENT
 UNMET = "no pose near the start meets it as it is written, inside of all ranges"
 """What speaks for other constants than those that are written."""
 
+NAMED = 2.0
+"""Times the drift without it: with what a finding names a run may open so much further, as a start in another pose does
+by its softness; beyond that it is not what was meant."""
+
 
 @dataclass(frozen=True)
 class Offset:

@@ -24,8 +24,9 @@ CLAIMS = {
 MENDED = {code for kind, codes in CLAIMS.items() if not issubclass(kind, Constants) for code in codes}
 """Codes that some change is to mend, whatever they are said of."""
 
-HIDDEN = ("A5", "C4", "C5")
-"""Codes that are found by how far a loop opens: with one that opens less, they are not found, and are there."""
+HIDDEN = ("A5", "C4", "C5", "S7")
+"""Codes that are found by how far a loop opens, or by the pose of the start: with one that opens less, or from another
+pose, they are not found, and are there."""
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5", "D6")
 

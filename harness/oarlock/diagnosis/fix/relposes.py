@@ -3,7 +3,7 @@
 A relpose that neither a pose nor the drawing explains (S7) is written as it was meant. A weld without one holds the
 relative pose of the model's own pose: where nothing near a keyframe meets that inside of all ranges, the keyframe is
 what was meant (S6), and its relative pose is written. Else the pose is moved, as of a coupling. Nothing is taken with
-which the run opens further.
+which the run opens further; of what S7 names, with which it opens more than ``NAMED`` times as far.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,7 +15,7 @@ from oarlock.base.text import quoted
 from oarlock.diagnosis.edit.changes import Constants, RelativePose
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.candidates import UNMET, Offset, closes_inside, run_closed
+from oarlock.diagnosis.fix.candidates import NAMED, UNMET, Offset, closes_inside, run_closed
 from oarlock.diagnosis.fix.words import drifts
 from oarlock.diagnosis.lint.defined import relative_pose
 from oarlock.mechanics.names import Equality, equalities
@@ -48,7 +48,8 @@ def choose_relposes(bench: Bench, taken: Sequence[Constants]) -> tuple[list[Offs
             said.append(f"{one}, which would close the start: the closed pose holds the weld as it is")
             continue
         without, with_it = run_closed(bench, now), run_closed(bench, [*now, one.change])
-        if with_it.drift > max(bench.target, without.drift):
+        most = NAMED * without.drift if one.why in _MEANT.values() else without.drift
+        if with_it.drift > max(bench.target, most):
             said.append(f"{one}: {drifts(with_it)} with it, {drifts(without)} without it")
         else:
             chosen.append(one)
