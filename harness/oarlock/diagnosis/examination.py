@@ -30,6 +30,7 @@ from oarlock.diagnosis.runs.lag import Lag, find_lags
 from oarlock.diagnosis.runs.lasting import Lasting, find_lasting
 from oarlock.diagnosis.runs.overdriven import Overdriven, find_overdriven
 from oarlock.diagnosis.runs.pace import Pace, find_pace
+from oarlock.diagnosis.runs.parted import Parted, find_parted
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.rotors import Rotors, find_rotors
@@ -96,6 +97,7 @@ class Examination:
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
         stopped: limits that open an equality of their loop in MuJoCo's run.
+        parted: equalities that are switched off, whose sides part in the run.
         overdriven: servos that pull a loop apart which has not so much freedom.
         stuck: servos that something holds short of where they are told to be.
         fight: limits and contacts that push against loops alone in the exact run.
@@ -142,6 +144,7 @@ class Examination:
     stopped: tuple[Stopped, ...] = ()
     overdriven: tuple[Overdriven, ...] = ()
     stuck: tuple[Stuck, ...] = ()
+    parted: tuple[Parted, ...] = ()
     fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
@@ -272,6 +275,8 @@ def _run(found: Examination) -> None:
             found.stopped = find_stopped(found.recording, found.drifts, found.pose.loops, least)
             found.overdriven = find_overdriven(found.recording, found.drifts, found.pose.loops, least)
         found.lags = find_lags(found.recording, VISIBLE)
+        if not found.moved:
+            found.parted = find_parted(found.recording, TORN * found.size)
         found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops

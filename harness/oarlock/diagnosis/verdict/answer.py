@@ -21,11 +21,11 @@ _BECAUSE = {
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
-BEYOND = ("A2", "A3", "A5", "A6", "A7", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
+BEYOND = ("A2", "A3", "A5", "A6", "A7", "C3", "C4", "C5", "L6", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
 """What no settings mend: something else in the file has to be another one."""
 
-UNMOVED = ("A6",)
-"""What is wrong however well the loops hold: the mechanism does not do what it is told."""
+UNMOVED = ("A6", "L6")
+"""What is wrong however well the loops hold: the mechanism does not do what it is told, or drawn, to do."""
 
 _PREDICATES = ("is ", "opens ", "stands ", "stays ", "cannot ", "gives ")
 """How a line begins of which the element is the subject."""
@@ -42,7 +42,7 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
         return _own(ordered[0]) if ordered else "Nothing is known of its loops."
     holds = worst.largest <= exam.target
     if bad and (not holds or bad[0].severity == "error" or bad[0].code in UNMOVED):
-        why = _cause(worst, bad)
+        why = bad[0] if bad[0].code in UNMOVED else _cause(worst, bad)
         said = _own(why) if why.code not in _BECAUSE else f"{_opens(worst)}: {_BECAUSE[why.code]}"
         if why.code == "D1" and exam.rotors is not None and worst.equality in exam.rotors.left:
             said += f"; {with_armature(exam.rotors, worst.equality)}"

@@ -100,6 +100,11 @@ def _figure(name: str) -> Callable[[Examination, Finding], float]:
     return lambda exam, finding: _turned(exam, finding, finding.figures.get(name))
 
 
+def _apart(exam: Examination, finding: Finding) -> float:
+    """What the sides of an equality that is switched off part by."""
+    return metres(exam, finding.figures.get("apart_m"), finding.figures.get("apart_rad"))
+
+
 def _whole(exam: Examination, finding: Finding) -> float:
     """All that the equalities that are named open by."""
     names = named(finding)
@@ -125,6 +130,7 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "A6": _figure("short"),
     "C4": _collision,
     "C5": _collision,
+    "L6": _apart,
     "S1": _opened,
     "S2": _figure("gap"),
     "S4": _figure("left"),

@@ -18,6 +18,7 @@ from oarlock.diagnosis.lint import locked, opened
 from oarlock.diagnosis.lint.servo import UNSTABLE
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
+from oarlock.diagnosis.runs.parted import Parted
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
@@ -137,7 +138,11 @@ def _loops(exam: Examination) -> Iterator[Finding]:
         own = "" if data.eq_active[index] else 'active="false"'
         by = " and ".join(part for part in (own, flag) if part)
         name = element_name(model, _EQUALITY, index)
-        yield found("L6", file, f"is switched off by {by}: nothing here counts it", element=name)
+        apart = next((one for one in exam.parted if one.equality == name and own and not flag), None)
+        if apart is None:
+            yield found("L6", file, f"is switched off by {by}: nothing here counts it", element=name)
+        else:
+            yield _parted(file, apart)
     if flag or not _rows(exam):
         yield found("L1", file, _no_row(model, idle, flag), equalities=model.neq)
         return
@@ -183,6 +188,17 @@ def _rows(exam: Examination) -> bool:
     with collected_warnings():  # what MuJoCo's memory does not suffice for, the run tells
         mujoco.mj_fwdPosition(exam.model, data)
     return data.ne > 0  # MuJoCo leaves out an equality whose rows are zero
+
+
+def _parted(file: str, apart: Parted) -> Finding:
+    wide, held = apart.opening, apart.held
+    said = (
+        f'is switched off by active="false": its sides, together at the start, part by {wide} at t = {apart.at_s:.4g} s'
+    )
+    if held is not None:
+        said += f"; switched on it opens by at most {held}"
+    figures = {"apart_m": wide.metres, "apart_rad": wide.radians, "time_s": apart.at_s}
+    return found("L6", file, said, element=wide.equality, severity="warning", **figures)
 
 
 def _no_row(model: mujoco.MjModel, idle: Sequence[int], flag: str) -> str:
