@@ -333,6 +333,18 @@ def test_interruption_keeps_the_finished_runs(tmp_path, number):
     assert err == "oarlock: interrupted; the runs that were finished are kept\n"
 
 
+def test_a_check_that_is_interrupted_keeps_nothing_and_says_so(tmp_path):
+    arguments = [COMMAND, "check", "n_four_bar:N=20", "--duration", "100", "--quiet"]
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, encoding="utf-8", cwd=tmp_path) as process:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(6.0)
+            pytest.fail("too short to be interrupted")
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, "oarlock: interrupted\n")
+    assert list(tmp_path.iterdir()) == []
+
+
 LARGE = {
     "run": ["run", "n_four_bar:N=100", "--mode", "lockstep", "--solver", "pinv", "--solver", "svd"],
     "in Python": ["run", "n_four_bar:N=100", "--mode", "free", "--stepping", "python"],

@@ -172,6 +172,29 @@ def test_junit_fails_where_a_finding_is_an_error(oarlock_here):
     assert (root.get("failures"), root.get("errors")) == ("1", "1")
 
 
+# Documents on standard output.
+
+
+@pytest.mark.parametrize("flag", ["--json", "--sarif", "--junit"])
+def test_a_dash_is_standard_output(oarlock_here, flag):
+    """It has the document alone, the same as in a file; no file is called so."""
+    said = oarlock_here("check", "--lint", WELDED, RING, flag, "-")
+    assert said.returncode == 1
+    oarlock_here("check", "--lint", WELDED, RING, flag, "out")
+    at = r"\d{4}-\d\d-\d\dT[^\"]*"  # when it was made
+    in_file = Path("out").read_text(encoding="utf-8")
+    assert re.sub(at, "", said.stdout) == re.sub(at, "", in_file)
+    parsed = ElementTree.fromstring(said.stdout.encode()) if flag == "--junit" else json.loads(said.stdout)
+    assert len(parsed) > 0
+    assert not Path("-").exists()
+
+
+def test_two_documents_do_not_share_it(oarlock_here):
+    said = oarlock_here("check", "--lint", WELDED, "--sarif", "-", "--junit", "-")
+    assert (said.returncode, said.stdout) == (2, "")
+    assert said.stderr == "oarlock: --sarif - and --junit -, expected one document on standard output\n"
+
+
 # The action.
 
 

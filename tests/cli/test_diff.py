@@ -80,6 +80,12 @@ def test_junit(hostile, oarlock_here, tmp_path):
     assert "→ 1 " in (message.text or "")
 
 
+def test_junit_on_standard_output(pair, oarlock_here):
+    finished = oarlock_here("diff", *pair, "--junit", "-")
+    assert (finished.returncode, finished.stderr) == (0, "")
+    assert finished.stdout == junit(oarlock.diff(*pair))
+
+
 def test_junit_skips_what_may_be_missing(pair):
     edit(pair[1], lambda document: document["runs"].remove(exact(document)))
     allowed = ElementTree.fromstring(junit(oarlock.diff(*pair, allow_missing=True)).encode())

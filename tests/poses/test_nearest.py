@@ -283,6 +283,37 @@ def test_limits_that_cannot_be_kept_are_named():
     assert pose.norm == pytest.approx(nearest(model, GIVEN, limits=False).norm)
 
 
+ROPED = """<mujoco><compiler angle="radian"/><worldbody>
+  <body name="a"><joint name="a" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/><site name="tip" pos="0.6 0 0"/>
+    <body name="ball" pos="0.6 0 0"><joint name="ball" type="ball" range="0 0.5"/><geom size="0.1"/></body>
+  </body>
+  <body name="b" pos="2 0 0"><joint name="b" axis="0 1 0"/><geom size="0.1" pos="0.1 0 0"/></body>
+  <body name="hand" mocap="true" pos="0 0 1"><site name="hook"/></body></worldbody>
+  <tendon><fixed name="sum" limited="true" range="-0.2 0.3"><joint joint="a" coef="1"/>
+    <joint joint="b" coef="1"/></fixed>
+    <spatial name="rope" limited="true" range="0 1.5"><site site="hook"/><site site="tip"/></spatial></tendon>
+  <equality><joint joint1="a" joint2="b"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("lift", [0.0, 0.7])
+def test_ranges_of_tendons_and_balls_are_named_too(lift):
+    """By lengths that plain MuJoCo has, and the angle of a quaternion; the mocap body stands where the data has it."""
+    model = mujoco.MjModel.from_xml_string(ROPED)
+    data = mujoco.MjData(model)
+    data.mocap_pos[0, 2] += lift
+    ball = 0.8
+    data.qpos[:] = [0.25, np.cos(ball / 2), np.sin(ball / 2), 0, 0, 0.25]
+    mujoco.mj_forward(model, data)
+    beyond = {"limit of joint 'ball'": ball - 0.5, "limit of tendon 'sum'": data.ten_length[0] - 0.3}
+    if data.ten_length[1] > 1.5:
+        beyond["limit of tendon 'rope'"] = data.ten_length[1] - 1.5
+    assert len(beyond) == (3 if lift else 2)
+    found = nearest_closed(model, data.qpos, data=data).outside
+    assert {one.limit: one.by for one in found} == pytest.approx(beyond, abs=CLOSED)
+    assert [one.by for one in found] == sorted((one.by for one in found), reverse=True)
+    assert outside_ranges(model, np.array([0.1, 1, 0, 0, 0, 0.1])) == ()
+
+
 def test_the_command_holds_joints(oarlock_here, tmp_path):
     path = tmp_path / "leg.xml"
     key = f'<keyframe><key qpos="{" ".join(map(str, GIVEN))}" ctrl="0.3"/></keyframe>'

@@ -37,6 +37,12 @@ def figure(value: Any, unit: str = "") -> str:
     return f"{text} {unit}".rstrip()
 
 
+def rounded_down(value: float, digits: int) -> float:
+    """To some digits, towards zero."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
+    return float(f"{math.floor(value / unit + 1e-9) * unit:.{digits}g}")
+
+
 def short(value: Any, digits: int = 3) -> str:
     """Formats a value for a line of text or a terminal: floats to a few significant digits, all else as it is."""
     if value is None:

@@ -1,7 +1,6 @@
 """``oarlock check``: what it prints, and its exit status."""
 
 import itertools
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,10 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from oarlock.base.errors import InputError
-from oarlock.base.files import write_text
-from oarlock.base.text import json_visible
 from oarlock.cli.checking import Asked, Outcome, checked_file, refused
-from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, emit_json, ends, say
+from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, emit, emit_json, ends, prints, say
 from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
 from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
 
@@ -72,10 +69,10 @@ def check(
     ] = None,
     as_json: JsonOption = None,
     sarif: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the findings as SARIF, with the lines they are about.")
+        str | None, typer.Option(metavar="FILE|-", help="Write the findings as SARIF, with the lines they are about.")
     ] = None,
     junit: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write JUnit XML: a suite a file, a test case a finding.")
+        str | None, typer.Option(metavar="FILE|-", help="Write JUnit XML: a suite a file, a test case a finding.")
     ] = None,
     no_code: NoCodeOption = False,
     quiet: QuietOption = False,
@@ -85,6 +82,11 @@ def check(
     Status 1: --fail-above was exceeded, --lint found an error, or a file that was asked for does not hold the target.
     Of several files each is checked, whatever the others are; the status is the worst, the JSON a list.
     """
+    copies = {"--write-keyframe": write_keyframe, "--write-tuned": write_tuned, "--fix": fix}
+    copies = {flag: path for flag, path in copies.items() if path is not None}
+    if lint:
+        shown = {"--states": states, "--duration": duration, "--target": target, "--hold": hold or None}
+        _require_alone({**copies, "--report": report, "--fail-above": fail_above, **shown})
     options = CheckOptions(
         keyframe=keyframe,
         controls=controls,
@@ -101,15 +103,11 @@ def check(
         lint=lint,
         hold=None if not hold else [] if hold == ["none"] else hold,
     )
-    copies = {"--write-keyframe": write_keyframe, "--write-tuned": write_tuned, "--fix": fix}
-    copies = {flag: path for flag, path in copies.items() if path is not None}
-    if lint:
-        _require_alone({**copies, "--report": report, "--fail-above": fail_above})
     several = len(files) > 1
     if several and copies:
         raise InputError(f"{next(iter(copies))} with {len(files)} files, expected one file to copy")
     wanted = {"json": as_json, "sarif": sarif, "junit": junit}
-    printing = as_json != "-"
+    printing = prints({f"--{name}": to for name, to in wanted.items()})
     asked = Asked(options, copies, printing, quiet, frozenset(name for name, to in wanted.items() if to))
     outcomes = []
     for file, folder in zip(files, _folders(files, report), strict=True):
@@ -175,17 +173,14 @@ def _print_verdicts(outcomes: Sequence[Outcome]) -> None:
             print_line(outcome.verdict)
 
 
-def _write(outcomes: Sequence[Outcome], sarif: Path | None, junit: Path | None) -> None:
+def _write(outcomes: Sequence[Outcome], sarif: str | None, junit: str | None) -> None:
     """Writes the documents of all files."""
     if sarif:
         from oarlock.diagnosis.page.sarif import sarif as document
 
         results: list[dict[str, Any]] = [result for outcome in outcomes for result in outcome.sarif]
-        left = [(outcome.file, outcome.refused) for outcome in outcomes if outcome.refused]
-        text = json.dumps(document(results, left), indent=1, ensure_ascii=False, allow_nan=False)
-        write_text(sarif, json_visible(text) + "\n", named=True)
+        emit_json(document(results, [(one.file, one.refused) for one in outcomes if one.refused]), sarif)
     if junit:
         from oarlock.base.junit import junit as render
 
-        suites = [outcome.suite for outcome in outcomes if outcome.suite]
-        write_text(junit, render("oarlock check", suites), named=True)
+        emit(render("oarlock check", [outcome.suite for outcome in outcomes if outcome.suite]), junit)

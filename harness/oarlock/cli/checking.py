@@ -196,7 +196,7 @@ def _fix(checked: "Checked", target: Path, printing: bool) -> bool:
 
     fixed = checked.fix(target)
     if printing:
-        print_line(f"Fixed: {target}")
+        print_line(f"Fixed: {target}" if fixed.reached else f"Not fixed: {target}")
         for line in fixed.told():
             print_line(line)
     else:

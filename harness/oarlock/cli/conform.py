@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.bar import bar
-from oarlock.cli.console import JsonOption, NoCodeOption, emit_json, ends, say
+from oarlock.cli.console import KEPT, JsonOption, NoCodeOption, emit_json, ends, say
 
 if TYPE_CHECKING:
     from oarlock.conform.session import Matrix
@@ -33,7 +33,7 @@ SilenceOption = Annotated[
 ]
 
 
-@ends()
+@ends(KEPT)
 def conform(
     models: Annotated[
         list[str] | None, typer.Argument(metavar="MODEL…", help="Models, variants or MJCF files.")

@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from oarlock.base.errors import InputError
 from oarlock.base.files import write_text
 from oarlock.base.text import json_visible, visible
 
@@ -27,7 +28,7 @@ STATUSES = {
     GATE_FAILED: "a gate failed, a bound was exceeded, a run ended otherwise than expected, a comparison got worse, "
     "or what was asked for cannot be had",
     BAD_INPUT: "bad input: one line on standard error names it and says what was expected",
-    INTERRUPTED: "interrupted; what was finished is kept",
+    INTERRUPTED: "interrupted; run, suite and conform keep what was finished",
     READER_GONE: "whoever read the output has gone",
 }
 """Exit status of every command → what it means."""
@@ -61,14 +62,22 @@ NoCodeOption = Annotated[
 ]
 
 
+KEPT = "the runs that were finished are kept"
+"""What is said of an interruption by a command whose results are written run by run, and which goes on from there."""
+
+
 @contextmanager
-def ends() -> Iterator[None]:
-    """How a command ends that is interrupted or whose reader has gone. typer would give both another status."""
+def ends(kept: str = "") -> Iterator[None]:
+    """How a command ends that is interrupted or whose reader has gone. typer would give both another status.
+
+    Args:
+        kept: what an interruption leaves, in words; empty: nothing.
+    """
     try:
         yield
         sys.stdout.flush()
     except KeyboardInterrupt:
-        say("oarlock: interrupted; the runs that were finished are kept")
+        say("; ".join(filter(None, ("oarlock: interrupted", kept))))
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
         # Nothing is left to say, not even on closing.
@@ -111,18 +120,41 @@ def say(text: str) -> None:
     print(visible(text), file=sys.stderr)
 
 
-def emit_json(document: Any, target: str) -> None:
+STDOUT = "-"
+"""Stands for standard output where a file is asked for."""
+
+
+def emit(text: str, target: str) -> None:
     """Writes a document to a file, or to standard output if the target is ``-``.
 
     Raises:
         InputError: the file cannot be written.
     """
-    text = json_visible(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
-    if target == "-":
+    if target == STDOUT:
         sys.stdout.write(text)
         sys.stdout.flush()
     else:
         write_text(Path(target), text, named=True)
+
+
+def emit_json(document: Any, target: str) -> None:
+    """Writes a document as JSON, as ``emit``."""
+    emit(json_visible(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)) + "\n", target)
+
+
+def prints(documents: Mapping[str, str | None]) -> bool:
+    """Whether standard output is left for people: no document goes there.
+
+    Args:
+        documents: flag → where its document goes.
+
+    Raises:
+        InputError: two of them go there.
+    """
+    there = [flag for flag, target in documents.items() if target == STDOUT]
+    if len(there) > 1:
+        raise InputError(f"{there[0]} - and {there[1]} -, expected one document on standard output")
+    return not there
 
 
 def one_of(names: Iterable[str]) -> str:

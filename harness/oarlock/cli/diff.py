@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit_json, ends, say, shown
+from oarlock.cli.console import GATE_FAILED, JsonOption, console, emit, emit_json, ends, prints, say, shown
 from oarlock.cli.tables import print_table
 
 if TYPE_CHECKING:
@@ -28,22 +28,23 @@ def diff(
     ] = None,
     as_json: JsonOption = None,
     junit: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write JUnit XML, a test case a run and group of figures.")
+        str | None, typer.Option(metavar="FILE|-", help="Write JUnit XML, a test case a run and group of figures.")
     ] = None,
 ) -> None:
     """What changed beyond its tolerance between two folders of results, worst first; status 1: something got worse."""
     from oarlock.compare.compare import diff as compare
 
+    printing = prints({"--json": as_json, "--junit": junit})
     found = compare(before, after, timings=timings, allow_missing=allow_missing)
     if junit:
-        from oarlock.compare.junit import write_junit
+        from oarlock.compare.junit import junit as render
 
-        write_junit(found, junit)
+        emit(render(found), junit)
     if report:
         say(f"oarlock: written: {found.report(report) / 'README.md'}")
     if as_json:
         emit_json(found.document(), as_json)
-    if as_json != "-":
+    if printing:
         _print(found, limit)
     if found.worse:
         say(f"oarlock: {len(found.worse)} got worse; the first: {_place(found)}{found.worse[0].line()}")

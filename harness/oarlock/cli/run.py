@@ -14,6 +14,7 @@ from oarlock.cases.integrators import RUNNING
 from oarlock.cli.bar import bar
 from oarlock.cli.console import (
     GATE_FAILED,
+    KEPT,
     JsonOption,
     NoCodeOption,
     QuietOption,
@@ -39,7 +40,7 @@ def _print_summary(results: Results) -> None:
     print(visible(f"{results.motion}; integrator {integrators}"))
 
 
-@ends()
+@ends(KEPT)
 def run(
     model: Annotated[
         str, typer.Argument(metavar="MODEL[:key=value,…]|FILE.xml", help="A model's name, or any MJCF file.")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from oarlock.cli.bar import bar
-from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, emit_json, ends, say
+from oarlock.cli.console import KEPT, JsonOption, NoCodeOption, QuietOption, emit_json, ends, say
 
 if TYPE_CHECKING:
     from oarlock.base.progress import Progress
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from oarlock.conform.session import Matrix
 
 
-@ends()
+@ends(KEPT)
 def suite(
     models: Annotated[
         list[str] | None,

@@ -1,8 +1,5 @@
 """A comparison as JUnit XML for continuous integration: one test case per run and group of figures."""
 
-from pathlib import Path
-
-from oarlock.base.files import write_text
 from oarlock.base.junit import Failure, TestCase, TestSuite
 from oarlock.base.junit import junit as render
 from oarlock.compare.compare import Difference
@@ -37,12 +34,3 @@ def _test(run: str, group: str, members: list[Comparison], bad: set[int]) -> Tes
 
 def _lines(members: list[Comparison]) -> str:
     return "\n".join(f"{one.verdict}: {one.line()}" for one in members)
-
-
-def write_junit(difference: Difference, path: Path) -> None:
-    """Writes a comparison as JUnit XML.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
-    write_text(path, junit(difference), named=True)

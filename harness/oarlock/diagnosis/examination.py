@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, few
-from oarlock.diagnosis.lint import collision
+from oarlock.diagnosis.lint import collision, servo
 from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.lint.lints import look
 from oarlock.diagnosis.lint.view import Remark, View
@@ -19,6 +20,7 @@ from oarlock.diagnosis.loops.stops import Stops, find_stops
 from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
 from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
 from oarlock.diagnosis.options import CheckOptions, usual_target
+from oarlock.diagnosis.runs.borne import GAINS, largest_borne
 from oarlock.diagnosis.runs.branch import Branch, find_branch
 from oarlock.diagnosis.runs.deadpoint import TORN, DeadPoint, find_dead_point
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
@@ -28,6 +30,7 @@ from oarlock.diagnosis.runs.lag import Lag, find_lags
 from oarlock.diagnosis.runs.lasting import Lasting, find_lasting
 from oarlock.diagnosis.runs.overdriven import Overdriven, find_overdriven
 from oarlock.diagnosis.runs.pace import Pace, find_pace
+from oarlock.diagnosis.runs.parted import Parted, find_parted
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.rotors import Rotors, find_rotors
@@ -35,10 +38,12 @@ from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
 from oarlock.diagnosis.runs.stability import EqualityStability, stability
 from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
+from oarlock.diagnosis.runs.stuck import Stuck, find_stuck
 from oarlock.diagnosis.runs.trials import Made, Start
 from oarlock.diagnosis.runs.without import Without, find_fed, find_finer, find_without, starving
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
+from oarlock.mechanics.load import takes_degrees
 from oarlock.mechanics.state_log import StateLog
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.start import carried
@@ -92,7 +97,9 @@ class Examination:
         lags: couplings that lag because their joints rub.
         stops: the limits that lock it at the closed start.
         stopped: limits that open an equality of their loop in MuJoCo's run.
+        parted: equalities that are switched off, whose sides part in the run.
         overdriven: servos that pull a loop apart which has not so much freedom.
+        stuck: servos that something holds short of where they are told to be.
         fight: limits and contacts that push against loops alone in the exact run.
         given, determined: wrenches of MuJoCo's run and of the exact one.
         states: the log of states that takes the place of MuJoCo's own run.
@@ -136,6 +143,8 @@ class Examination:
     stops: Stops | None = None
     stopped: tuple[Stopped, ...] = ()
     overdriven: tuple[Overdriven, ...] = ()
+    stuck: tuple[Stuck, ...] = ()
+    parted: tuple[Parted, ...] = ()
     fight: Fight | None = None
     given: tuple[Wrench, ...] = ()
     determined: tuple[Wrench, ...] = ()
@@ -242,7 +251,9 @@ def _run(found: Examination) -> None:
     elif found.closed:
         with _Reason(found, "exact"):
             model, pose = _exact_model(found), found.pose
-            found.exact = record_exact(model, pose.qpos, pose.qvel, found.laws, found.steps, act=found.act)
+            since = found.states.start_s if found.states is not None else 0.0
+            given = (model, pose.qpos, pose.qvel, found.laws, found.steps)
+            found.exact = record_exact(*given, act=found.act, start_s=since)
             if doubt := found.exact.doubt:
                 found.exact = None
                 found.missing["exact"] = doubt
@@ -264,9 +275,12 @@ def _run(found: Examination) -> None:
             found.stopped = find_stopped(found.recording, found.drifts, found.pose.loops, least)
             found.overdriven = find_overdriven(found.recording, found.drifts, found.pose.loops, least)
         found.lags = find_lags(found.recording, VISIBLE)
+        if not found.moved:
+            found.parted = find_parted(found.recording, TORN * found.size)
         found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
+            found.stuck = find_stuck(found.recording, loops, found.size, partial(takes_degrees, found.path))
             dead = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
             stuck = {name for one in found.pose.mobility if one.locked for name in one.equalities}
             # What is locked (S3) never leaves its start, and comes to no dead point.
@@ -299,6 +313,8 @@ def _causes(found: Examination) -> None:
         found.missing["causes"] = astray
         return
     if found.recording.end.how == "diverged":
+        with _Reason(found, "gains"):
+            found.remarks["servo"] = [_borne(found, one) for one in found.remarks.get("servo", [])]
         found.without = find_fed(found.recording, found.steps)
         if not any(one.left for one in found.without) and not _known(found):
             found.without += find_finer(found.recording, found.steps)
@@ -315,9 +331,21 @@ def _causes(found: Examination) -> None:
             )
 
 
+def _borne(found: Examination, remark: Remark) -> Remark:
+    """What is said of a servo's gains with the loops, by the run and not by a step at its start."""
+    assert found.recording is not None
+    names = [remark.element, *remark.figures["also"]]
+    numbers = [controls.actuators(found.model).index(name) for name in names]
+    for gain in GAINS:
+        if (most := remark.figures.get(f"{gain}_with_loops")) is not None:
+            bounds = remark.figures[f"{gain}_stable"], min(most, remark.figures[gain])
+            remark = servo.measured(remark, gain, largest_borne(found.recording, numbers, gain, *bounds, found.steps))
+    return remark
+
+
 def _known(found: Examination) -> bool:
     """Whether a row, a servo or a damper is unstable by itself: then that is what makes a run diverge."""
-    remarks = [one for lint in ("servo", "damper") for one in found.remarks.get(lint, [])]
+    remarks = [one for lint in ("servo", "damper", "feeding") for one in found.remarks.get(lint, [])]
     return any(one.severity != "note" for one in remarks) or not all(one.stable for one in found.settings)
 
 

@@ -78,6 +78,8 @@ class CheckOptions:
             raise InputError(f"hold = {self.hold!r}, expected a list of joints")
         if self.states is not None and self.motion.given:
             raise InputError("a start or controls besides a log of states, expected one of the two: the log has both")
+        if self.states is not None and self.lint:
+            raise InputError("a log of states with lint, expected one of the two: a lint looks at no run")
 
     @property
     def motion(self) -> Motion:

@@ -28,13 +28,11 @@ from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.mechanics.given import Model, path_of
 from oarlock.stepping.native_path import refusal
 from oarlock.stepping.prepared import PreparedCase
+from oarlock.stepping.state import STILL
 from oarlock.tables.aggregate import judge, summarise
 from oarlock.tables.folder import SUMMARY, ResultFolder, scan_parquet
 from oarlock.tables.provenance import inputs, occasion
 from oarlock.tables.schema import RunResult
-
-STILL = 1e-9
-"""rad or m. Coordinates that change by less over a run do not move: the digits of a file, and rounding."""
 
 
 @takes(RunOptions)

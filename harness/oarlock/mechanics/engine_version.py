@@ -117,6 +117,19 @@ def tendon_dofs(model: mujoco.MjModel, tendon: int) -> list[int]:
     return model.ten_J_colind[start : start + int(model.ten_J_rownnz[tendon])].tolist()
 
 
+def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Returns the gradients of all tendons' lengths, (ntendon, nv); the position stage of ``data`` is done."""
+    rows = np.zeros((model.ntendon, model.nv))
+    if not model.ntendon:
+        return rows
+    holder = model if _TENDONS_HAVE_ROWS else data
+    if not _TENDONS_HAVE_ROWS and not mujoco.mj_isSparse(model):
+        return np.array(data.ten_J, dtype=float).reshape(rows.shape)
+    values = np.array(data.ten_J, dtype=float).ravel()
+    mujoco.mju_sparse2dense(rows, values, holder.ten_J_rownnz, holder.ten_J_rowadr, np.ravel(holder.ten_J_colind))
+    return rows
+
+
 def _dofs_along(model: mujoco.MjModel, tendon: int) -> list[int]:
     """The same from the path: what moves one end of a piece of it, and not the other."""
     first = int(model.tendon_adr[tendon])

@@ -66,6 +66,14 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None, *, close
     return model
 
 
+def takes_degrees(path: Path) -> bool:
+    """Whether angles in a file of MJCF are degrees; False of what is no text."""
+    if path.suffix in (".py", COMPILED):
+        return False
+    with collected_warnings():
+        return bool(mujoco.MjSpec.from_file(str(path)).compiler.degree)
+
+
 def _has_inertia(model: mujoco.MjModel) -> bool:
     """Whether the mass matrix of a model in its own pose is positive definite."""
     data = mujoco.MjData(model)

@@ -1,8 +1,9 @@
 """Logs of states: what a program's own run went through, with the controls that it was given.
 
 An NPZ file has arrays ``time`` (rows), ``qpos`` (rows, nq) and ``qvel`` (rows, nv), and where there are any ``act``
-(rows, na) and ``ctrl`` (rows, nu); a CSV file has a column for each number, ``qpos0``, ``qpos1``, …. A row is the start
-of a step: the state before ``mj_step`` and the controls that this step is given.
+(rows, na) and ``ctrl`` (rows, nu); a CSV file has a column for each number, ``qpos0``, ``qpos1``, …. Where there is one
+number a row, as of a single actuator, the array may be (rows), and the column have no number. A row is the start of a
+step: the state before ``mj_step`` and the controls that this step is given.
 """
 
 from pathlib import Path
@@ -21,6 +22,9 @@ ENDINGS = (".csv", ".npz")
 EVEN = 1e-6
 """Part of a timestep by which rows may be off an even spacing: a log written in six digits."""
 
+MULTIPLE = 1e-3
+"""Part of a timestep by which the distance of rows may be off a multiple of it, in a log of every so manieth step."""
+
 _CTRL = "ctrl"
 
 
@@ -29,6 +33,7 @@ class StateLog:
 
     Attributes:
         path: where it was read.
+        start_s: time of the first row, s.
         qpos: positions, (rows, nq); qvel: velocities, (rows, nv); act: activations, (rows, na).
         ctrl: controls, (rows, nu), zero where the log has none.
         laws: the same as laws of time, from the first row on.
@@ -48,6 +53,7 @@ class StateLog:
         self.path = path
         columns = read_series(path, tables=True)
         self._time = pop_time(path, columns, "qpos and qvel")
+        self.start_s = float(self._time[0])
         sizes = {"qpos": model.nq, "qvel": model.nv, "act": model.na, _CTRL: model.nu}
         found = _tables(path, columns, sizes)
         for name in ("qpos", "qvel"):
@@ -75,13 +81,19 @@ class StateLog:
 
     def _require_even(self, timestep: float) -> None:
         apart = np.diff(self._time)
-        late = np.flatnonzero(np.abs(apart - timestep) > EVEN * timestep + np.spacing(np.abs(self._time[1:])))
+        rounding = np.abs(self._time[1:])
+        spacing = np.spacing(rounding.astype(np.float32)) if _single(self._time) else np.spacing(rounding)
+        late = np.flatnonzero(np.abs(apart - timestep) > EVEN * timestep + spacing)
         if len(late):
             row = int(late[0])
-            raise InputError(
-                f"{self.path}: rows {row + 1} and {row + 2} are {apart[row]:.9g} s apart, expected a row every "
-                f"{timestep:g} s, the timestep of the model (--timestep)"
-            )
+            said = f"{self.path}: rows {row + 1} and {row + 2} are {apart[row]:.9g} s apart, expected a row every "
+            parts = float(np.median(apart)) / timestep
+            every = round(parts)
+            if every > 1 and abs(parts - every) <= MULTIPLE:
+                said += f"{timestep:g} s: the log has every {_ordinal(every)} step of the model, and needs each"
+            else:
+                said += f"{timestep:g} s, the timestep of the model (--timestep)"
+            raise InputError(said)
 
     def _require_units(self, model: mujoco.MjModel) -> None:
         for joint in range(model.njnt):
@@ -98,20 +110,35 @@ class StateLog:
                     )
 
 
+def _single(values: np.ndarray) -> bool:
+    """Whether numbers were written in single precision: as such numbers, or in the digits that tell them apart."""
+    single = values.astype(np.float32)
+    return np.array_equal(single, values) or np.array_equal([float(str(one)) for one in single], values)
+
+
+def _ordinal(number: int) -> str:
+    last = {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{'th' if number % 100 in (11, 12, 13) else last}"
+
+
 def _tables(path: Path, columns: dict[str, np.ndarray], sizes: dict[str, int]) -> dict[str, np.ndarray]:
     """The arrays that are there, (rows, size), from whole ones or from a column a number."""
     found: dict[str, np.ndarray] = {}
     numbered = {f"{name}{index}": (name, index) for name, size in sizes.items() for index in range(size)}
     parts: dict[str, dict[int, np.ndarray]] = {}
     for column, values in columns.items():
-        if column in sizes and values.ndim == 2:
-            if values.shape[1] != sizes[column]:
-                raise InputError(f"{path}: '{column}' has {values.shape[1]} numbers a row, expected {sizes[column]}")
-            found[column] = values
+        if column in sizes:
+            table = values if values.ndim == 2 else values[:, None]
+            if table.shape[1] != sizes[column]:
+                some = f"{table.shape[1]} number{'' if table.shape[1] == 1 else 's'}"
+                raise InputError(f"{path}: '{column}' has {some} a row, expected {sizes[column]}")
+            found[column] = table
         else:
             name, index = numbered[choose(f"column in {path}", column, [TIME, *numbered])]
             parts.setdefault(name, {})[index] = values
     for name, given in parts.items():
+        if name in found:
+            raise InputError(f"{path}: columns '{name}' and '{name}{min(given)}', expected one of the two")
         lacking = [f"{name}{index}" for index in range(sizes[name]) if index not in given]
         if lacking:
             raise InputError(f"{path}: no column '{lacking[0]}', expected {sizes[name]} of '{name}'")

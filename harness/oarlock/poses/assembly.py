@@ -15,10 +15,11 @@ from oarlock.cases.equality_kinds import unknown
 from oarlock.mechanics.engine_version import SLEEP
 from oarlock.mechanics.inequalities import IGNORED
 from oarlock.mechanics.inertia import whiten
+from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import Equality, equalities
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.poses.layout import Layout, RowColumns
-from oarlock.stepping.closing import CONSISTENT, close
+from oarlock.stepping.closing import CONSISTENT, close, lacks_memory, require_memory
 
 
 def anchors(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> tuple[np.ndarray, np.ndarray]:
@@ -36,6 +37,8 @@ def anchors(model: mujoco.MjModel, data: mujoco.MjData, equality: Equality) -> t
 class Assembly:
     """A copy of a model with a dense Jacobian, without contacts, limits and friction, and a data of its own.
 
+    The Jacobian stays sparse where the model's memory does not hold a dense one.
+
     Attributes:
         equalities: the active ones.
         rows: theirs, n in all.
@@ -44,15 +47,15 @@ class Assembly:
             one alone.
 
     Raises:
-        InputError: an active equality of a kind whose rows are not known (flex).
+        InputError: an active equality of a kind whose rows are not known (flex), or the model's memory does not hold
+            the rows.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData | None = None):
         self.model: mujoco.MjModel = copy.copy(model)
         self.model.opt.disableflags |= IGNORED
         self.model.opt.enableflags &= ~SLEEP  # a tree that sleeps has no rows
-        self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        self.data = mujoco.MjData(self.model)
+        self.data = self._with_room()
         if data is not None:
             self.data.qpos[:], self.data.qvel[:], self.data.eq_active[:] = data.qpos, data.qvel, data.eq_active
             self.data.mocap_pos[:], self.data.mocap_quat[:] = data.mocap_pos, data.mocap_quat
@@ -70,6 +73,22 @@ class Assembly:
         for equality, start in zip(self.equalities, self.starts, strict=True):
             size = min(3, equality.rows)
             self.blocks += [slice(at, at + size) for at in range(start, start + equality.rows, size)]
+
+    def _with_room(self) -> mujoco.MjData:
+        """A data for a dense Jacobian; for a sparse one, if the model is so and has no memory for the other."""
+        own = self.model.opt.jacobian
+        sparse = bool(mujoco.mj_isSparse(self.model))
+        self.model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        if not sparse:
+            return mujoco.MjData(self.model)
+        data = mujoco.MjData(self.model)
+        with collected_warnings():
+            mujoco.mj_fwdPosition(self.model, data)
+            if lacks_memory(data):
+                self.model.opt.jacobian, data = own, mujoco.MjData(self.model)
+                mujoco.mj_fwdPosition(self.model, data)
+                require_memory(self.model, data)
+        return mujoco.MjData(self.model)
 
     def rows_of_all(self, numbers: list[int]) -> np.ndarray:
         """The rows of several of ``equalities``, one after the other."""

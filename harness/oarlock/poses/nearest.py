@@ -24,9 +24,10 @@ import numpy as np
 from oarlock.base.errors import choose
 from oarlock.base.text import called
 from oarlock.mechanics.engine_version import tendon_dofs
+from oarlock.mechanics.inequalities import row_name
 from oarlock.mechanics.names import element_name
 from oarlock.poses.assembly import Assembly
-from oarlock.poses.chart import Chart, Seen, arm_of, bounds, fenced
+from oarlock.poses.chart import INSET, Chart, Seen, arm_of, bounds, fenced
 from oarlock.poses.paths import path_of, share_dofs
 
 STARTS, FEWEST, LARGE = 24, 6, 1200
@@ -109,16 +110,28 @@ def joints_called(model: mujoco.MjModel, names: tuple[str, ...]) -> tuple[int, .
     return tuple(every.index(choose("joint to hold", name, every)) for name in names)
 
 
-def outside_ranges(model: mujoco.MjModel, qpos: np.ndarray) -> tuple[Outside, ...]:
-    """The hinges and slides that a pose (nq) has beyond their ranges, furthest first."""
+def outside_ranges(model: mujoco.MjModel, qpos: np.ndarray, data: mujoco.MjData | None = None) -> tuple[Outside, ...]:
+    """The joints and tendons that a pose (nq) has beyond their ranges, furthest first.
+
+    Args:
+        model: any; left alone.
+        qpos: the pose.
+        data: mocap bodies, which tendons may lead to.
+    """
     least, most = bounds(model).T
     by = np.maximum(least - qpos, qpos - most)
     names = {int(address): joint for joint, address in enumerate(model.jnt_qposadr)}
-    beyond = sorted(np.flatnonzero(by > 0.0).tolist(), key=lambda address: -by[address])
-    return tuple(
+    beyond = [
         Outside(f"limit of {called('joint', element_name(model, _JOINT, names[address]))}", float(by[address]))
-        for address in beyond
-    )
+        for address in np.flatnonzero(by > 0.0).tolist()
+    ]
+    assembly = fenced(model, data)
+    assembly.place(qpos)
+    own, there = assembly.model, assembly.data
+    for row in range(there.ne, there.nefc):
+        if there.efc_pos[row] < -INSET:  # a length or the angle of a ball is computed, and rounded
+            beyond.append(Outside(row_name(own, there, row), -float(there.efc_pos[row])))
+    return tuple(sorted(beyond, key=lambda one: -one.by))
 
 
 def nearest(

@@ -123,6 +123,24 @@ def culprits(model: mujoco.MjModel, given: mujoco.MjData, rank_cut: float | None
     return "each closes alone, but not all together, and leaving out any single one does not help"
 
 
+def lacks_memory(data: mujoco.MjData) -> bool:
+    """Whether MuJoCo left rows out of a state whose position stage is done, for want of memory."""
+    return data.warning[mujoco.mjtWarning.mjWARN_CNSTRFULL].number > 0
+
+
+def require_memory(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Checks that a state whose position stage is done has all of its rows.
+
+    Raises:
+        InputError: the model's memory does not hold them, and MuJoCo left some out.
+    """
+    if lacks_memory(data):
+        raise InputError(
+            f"the model's memory of {model.narena} bytes does not hold its constraints, expected a larger "
+            '<size memory="…"/>'
+        )
+
+
 def require_rows(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Checks that a pose has equality rows and that they can be computed.
 
@@ -134,11 +152,7 @@ def require_rows(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         Curvature(model, data)
     with _loops_only(model), collected_warnings():
         mujoco.mj_fwdPosition(model, data)
-    if data.warning[mujoco.mjtWarning.mjWARN_CNSTRFULL].number:
-        raise InputError(
-            f"the model's memory of {model.narena} bytes does not hold its constraints, expected a larger "
-            '<size memory="…"/>'
-        )
+    require_memory(model, data)
     if data.ne == 0:
         names = few([quoted(equality.name) for equality in equalities(model)])
         raise InputError(f"no active equality rows at the start (equalities: {names}), expected a closed loop")

@@ -10,6 +10,9 @@ from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.inequalities import Rows
 from oarlock.stepping.moving import Moving
 
+STILL = 1e-9
+"""rad or m. Coordinates that change by less over a run do not move: the digits of a file, and rounding."""
+
 
 class State:
     """J and the constraint rows of a state whose smooth stages are done.

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import oarlock
 import pytest
 from gallery import piece
 from oarlock import model_names
@@ -189,6 +190,67 @@ def test_doubled_and_idle(closing, codes):
     if "<joint" in closing:
         text = chain(closing)
     assert {one.code for one in of_text(text) if one.code in ("L11", "L12")} == codes
+
+
+JOINED = """<mujoco><default><geom contype="0" conaffinity="0" size="0.1"/></default><worldbody>
+  <body name="hand" mocap="true"/>
+  <body name="a"><freejoint/><geom/><body name="lid" pos="0 0 0.3"><geom/></body></body>
+  <body name="b" pos="1 0 0"><freejoint/><geom/></body><body name="c" pos="2 0 0"><freejoint/><geom/></body>
+  <body name="post" pos="0 5 0"><geom/><body name="cap" pos="0 0 0.3"><geom/></body></body>
+  </worldbody><equality>{equalities}</equality></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("equalities", "named", "by"),
+    [
+        ('<weld name="ab" body1="a" body2="b"/><weld name="lid" body1="lid" body2="b"/>', "lid", ["ab"]),
+        ('<weld name="ab" body1="a" body2="b"/><connect name="p" body1="b" body2="lid" anchor="1 0 0"/>', "p", ["ab"]),
+        (
+            '<weld name="ab" body1="a" body2="b"/><weld name="bc" body1="b" body2="c"/>'
+            '<connect name="ac" body1="lid" body2="c" anchor="1 0 0"/>',
+            "ac",
+            ["ab", "bc"],
+        ),
+        (
+            '<weld name="a" body1="a" body2="post"/><weld name="b" body1="b"/><weld name="ba" body1="b" body2="a"/>',
+            "ba",
+            ["b", "a"],
+        ),
+    ],
+)
+def test_bodies_that_welds_hold_together_already(equalities, named, by):
+    """Without a run; without the equality that is named the rank of the rows is the same, in plain MuJoCo."""
+    text = JOINED.format(equalities=equalities)
+    one = only(of_text(text), "L11")
+    assert (one.element, one.figures["also"]) == (named, by)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    ranks = []
+    for active in (1, 0):
+        data.eq_active[model.equality(named).id] = active
+        mujoco.mj_forward(model, data)
+        ranks.append(np.linalg.matrix_rank(data.efc_J.reshape(-1, model.nv)[: data.ne], tol=1e-9))
+    assert ranks[0] == ranks[1]
+
+
+@pytest.mark.parametrize(
+    "equalities",
+    [
+        '<weld body1="a" body2="b"/><weld body1="b" body2="c"/>',
+        '<weld body1="a" body2="hand"/><weld body1="a" body2="post"/>',  # the hand is moved
+        '<weld body1="a" body2="b"/><connect body1="b" body2="c" anchor="0 0 0"/><weld body1="a" body2="c"/>',
+    ],
+)
+def test_bodies_that_welds_do_not_hold_together(equalities):
+    assert "L11" not in {one.code for one in of_text(JOINED.format(equalities=equalities))}
+
+
+@pytest.mark.parametrize("equality", ['<weld body1="a" body2="lid"/>', '<connect body1="cap" anchor="0 0 0"/>'])
+def test_that_nothing_holds_anything_is_seen_without_a_run(tmp_path, equality):
+    (tmp_path / "model.xml").write_text(JOINED.format(equalities=equality))
+    found = {one.code: one.severity for one in oarlock.check(tmp_path / "model.xml", lint=True).verdict}
+    assert found == {"L1": "error", "L12": "warning"}
 
 
 # Constants in degrees.

@@ -106,3 +106,47 @@ def test_a_check_says_it_too(tmp_path):
     path.write_text(quick(PLACE))
     (one,) = [one for one in oarlock.check(path, budget=0, duration=0.1).verdict if one.code == "S3"]
     assert "along x of 'crank' or 'lever'" in one.line
+
+
+CHAIN = """<mujoco>
+  <default><geom type="capsule" size=".01" mass=".2" contype="0" conaffinity="0"/><joint axis="0 1 0"/></default>
+  <worldbody>
+    <body><joint name="motor"/><geom fromto="0 0 0 .2 0 0"/>
+      <body name="second" pos=".2 0 0"><joint name="elbow"/><geom fromto="0 0 0 .2 0 .1"/>
+        <body pos=".2 0 .1"><joint name="tip"/><geom fromto="0 0 0 .1 0 -.1"/>
+          <body pos=".1 0 -.1"><joint name="rod"/><geom fromto="0 0 0 .1 0 -.2"/>
+            <body name="tail" pos=".1 0 -.2"><joint name="tail"/><geom fromto="0 0 0 .1 0 .1"/></body>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <equality>
+    {pin}<connect name="ground" body1="tail" anchor=".1 0 .1"/>
+  </equality>
+  <actuator><motor joint="{driven}"/></actuator>
+</mujoco>"""
+"""Five links whose last one is pinned to the ground, and of which a pin may take the first two out."""
+
+
+@pytest.mark.parametrize(
+    ("pinned", "driven", "held"), [(True, "motor", True), (True, "rod", False), (False, "motor", False)]
+)
+def test_what_is_driven_and_held_in_a_group_that_moves(pinned, driven, held):
+    pin = '<connect name="pin" body1="second" anchor=".2 0 .1"/>' if pinned else ""
+    text = CHAIN.format(pin=pin, driven=driven)
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    rows = data.efc_J.reshape(-1, model.nv)[: data.ne]
+    rank = np.linalg.matrix_rank(rows, tol=1e-9)
+    free = np.linalg.svd(rows)[2][rank:]
+    assert len(free)
+    assert (np.abs(free[:, model.joint(driven).dofadr[0]]).max() < 1e-9) == held
+    found = [one for one in of_text(text) if one.code == "S3"]
+    assert [(one.element, one.figures["held"]) for one in found] == ([("pin", ["motor"])] if held else [])
+
+
+def test_a_coupling_to_a_constant_holds_on_purpose():
+    text = CHAIN.format(pin='<joint name="brake" joint1="motor" polycoef="0 0 0 0 0"/>', driven="motor")
+    assert "S3" not in {one.code for one in of_text(text)}

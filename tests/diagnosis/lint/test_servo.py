@@ -2,6 +2,7 @@
 
 import mujoco
 import numpy as np
+import oarlock
 import pytest
 from seen import lasts, of_file, of_text, only, text_of
 
@@ -14,6 +15,25 @@ def test_a_servo_that_the_timestep_does_not_bear():
     assert lasts(text.replace('kp="400"', f'kp="{one.figures["kp_stable"]}"'))
     assert lasts(text, timestep=one.figures["timestep_stable_s"])
     assert one.figures["number"] == pytest.approx(number_of(text), rel=1e-6)
+
+
+@pytest.mark.parametrize(("ctrl", "part"), [("0.2", 0.6), ("0.45", 0.25)])
+def test_how_far_the_loops_help_is_measured_in_the_run_that_diverges(ctrl, part, tmp_path):
+    """A step at the start says what small motions bear; the jump to the control takes the mechanism elsewhere."""
+    text = text_of("stiff_servo.xml").replace('ctrl="0.2"', f'ctrl="{ctrl}"')
+
+    def borne(kp: float) -> bool:
+        return lasts(text.replace('kp="400"', f'kp="{kp!r}"'), 2.0)
+
+    (tmp_path / "servo.xml").write_text(text)
+    one = only(oarlock.check(tmp_path / "servo.xml", budget=0).verdict, "A1")
+    most, of_a_step = one.figures["kp_with_loops"], only(of_text(text, 0), "A1").figures["kp_with_loops"]
+    assert one.figures["kp_stable"] * 0.99 < most < part * of_a_step
+    assert f"({most:g} with the loops, in this run)" in one.line
+    assert borne(most)
+    assert borne(0.5 * (most + one.figures["kp_stable"]))
+    assert not all(borne(float(kp)) for kp in np.geomspace(most, 1.1 * most, 5))
+    assert not borne(of_a_step)
 
 
 def number_of(text: str) -> float:

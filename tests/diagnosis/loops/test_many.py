@@ -7,7 +7,7 @@ from oarlock import load_case
 from oarlock.diagnosis.loops import events, wrenches
 from oarlock.diagnosis.loops.curves import Linkage
 from oarlock.diagnosis.loops.loops import find_loops
-from oarlock.mechanics.load import load_model
+from oarlock.mechanics.load import collected_warnings, load_model
 from oarlock.poses.assembly import Assembly
 from tolerances import SAME_FORMULA
 
@@ -84,3 +84,38 @@ def test_along_is_the_part_of_the_right_handed_motion():
     for seed in range(5):
         move = np.random.default_rng(seed).normal(size=len(motion))
         assert linkage.along(loops.qpos, move) == pytest.approx(float(motion @ move), abs=1e-10)
+
+
+SLED = """<body name="a{n}" pos="0 {n} 0"><joint name="a{n}" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/>
+  <body name="b{n}" pos="0.3 0 0"><joint name="b{n}" axis="0 1 0"/><geom size="0.1" pos="0.2 0 0"/></body></body>"""
+
+
+def sleds(count: int, kilobytes: int) -> str:
+    """Chains of two links, each pinned to the world."""
+    bodies = "".join(SLED.format(n=n) for n in range(count))
+    pins = "".join(f'<connect body1="b{n}" body2="world" anchor="0.2 0 0"/>' for n in range(count))
+    return f"""<mujoco><size memory="{kilobytes}K"/><default><geom contype="0" conaffinity="0"/></default>
+      <worldbody>{bodies}</worldbody><equality>{pins}</equality></mujoco>"""
+
+
+def rows_of(text: str, jacobian: mujoco.mjtJacobian) -> int:
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except ValueError:  # too little to compile it
+        return 0
+    model.opt.jacobian = jacobian
+    data = mujoco.MjData(model)
+    with collected_warnings():
+        mujoco.mj_fwdPosition(model, data)
+    return data.ne
+
+
+def test_what_memory_does_not_hold_as_a_dense_jacobian_is_looked_at_as_a_sparse_one():
+    count = 60
+    dense, sparse = mujoco.mjtJacobian.mjJAC_DENSE, mujoco.mjtJacobian.mjJAC_SPARSE
+    room = next(size for size in range(50, 5000, 50) if rows_of(sleds(count, size), sparse) > 0)
+    text = sleds(count, room)
+    assert rows_of(text, dense) == 0  # MuJoCo leaves all of them out
+    short, long = (find_loops(mujoco.MjModel.from_xml_string(each)) for each in (text, sleds(count, 50_000)))
+    assert short.rank == long.rank > 0
+    assert [group.equalities for group in short.groups] == [group.equalities for group in long.groups]

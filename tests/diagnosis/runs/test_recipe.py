@@ -442,3 +442,20 @@ def test_mistakes_with_a_tuned_copy_are_named(tmp_path):
         write_tuned(path, tmp_path / "no" / "out.xml", deadbeat(1e-3, "euler"))
     with pytest.raises(InputError, match="no model file"):
         write_tuned(tmp_path / "none.xml", tmp_path / "out.xml", deadbeat(1e-3, "euler"))
+
+
+def test_disturbed_starts_close_to_the_digits_of_a_file():
+    """Sites of seven digits do not meet to rounding in any pose: a disturbed start is as closed as the given one."""
+    text = four_bar().replace("</mujoco>", '<equality><connect name="pin2" site1="a" site2="b"/></equality></mujoco>')
+    text = text.replace('<site name="tip1"', '<site name="a" pos="0.5 0.02 0.2"/><site name="tip1"')
+    text = text.replace('<site name="tip2"', '<site name="b" pos="-0.2000002 0.02 0.5"/><site name="tip2"')
+    model = mujoco.MjModel.from_xml_string(text)
+    given = Start(model.qpos0, np.zeros(model.nv))
+    for seed in (1, 2):
+        found = disturbed(model, given, seed)
+        data = mujoco.MjData(model)
+        data.qpos[:] = found.qpos
+        mujoco.mj_forward(model, data)
+        gap = float(np.abs(data.efc_pos[: data.ne]).max())
+        assert 1e-8 < gap < 1e-6
+        assert np.abs(found.qpos - model.qpos0).max() > 1e-3

@@ -103,6 +103,77 @@ def test_what_is_wrong_with_a_log_is_one_line(tmp_path, change, line):
         oarlock.check(XML, states=path, budget=0)
 
 
+@pytest.mark.parametrize(("every", "word"), [(2, "2nd"), (10, "10th")])
+def test_a_log_of_every_so_manieth_step_is_not_one_of_another_timestep(tmp_path, every, word):
+    path = saved(tmp_path, logged(every=every))
+    with pytest.raises(InputError, match=rf"the log has every {word} step of the model, and needs each$"):
+        oarlock.check(XML, states=path, budget=0)
+    with pytest.raises(InputError, match=r"expected a row every 0.0015 s, the timestep of the model \(--timestep\)"):
+        oarlock.check(XML, states=path, budget=0, timestep=0.0015)
+
+
+@pytest.mark.parametrize("kind", ["npz", "csv", "short csv"])
+def test_a_log_in_single_precision_is_read(tmp_path, kind):
+    """Times that are off by the digits of such numbers, far beyond those of a timestep in double precision."""
+    rows = {name: values.astype(np.float32) for name, values in logged().items()}
+    rows["time"] = (rows["time"].astype(float) + 20.0).astype(np.float32)
+    assert np.abs(np.diff(rows["time"].astype(float)) - 0.002).max() > 1e-4 * 0.002
+    if kind == "short csv":
+        columns = np.hstack([rows["time"][:, None], *(rows[name] for name in ("qpos", "qvel", "ctrl"))])
+        names = ["time", *(f"qpos{n}" for n in range(3)), *(f"qvel{n}" for n in range(3)), "ctrl0"]
+        path = tmp_path / "log.csv"
+        path.write_text("\n".join([",".join(names), *(",".join(map(str, row)) for row in columns)]))
+    else:
+        path = saved(tmp_path, rows, kind)
+    checked = oarlock.check(XML, states=path, budget=0)
+    recorded = checked.examination.recording
+    assert np.array_equal(recorded.qpos.astype(np.float32), rows["qpos"])
+    assert checked.examination.attribution is not None  # its steps are the model's
+
+
+@pytest.mark.parametrize("kind", ["npz", "csv"])
+def test_of_a_single_actuator_the_controls_may_be_a_vector(tmp_path, kind):
+    rows = logged()
+    rows["ctrl"] = rows["ctrl"][:, 0]
+    if kind == "npz":
+        path = saved(tmp_path, rows)
+    else:
+        path = saved(tmp_path, {**rows, "ctrl": rows["ctrl"][:, None]}, "csv")
+        path.write_text(path.read_text().replace("ctrl0", "ctrl", 1))
+    log = StateLog(path, mujoco.MjModel.from_xml_string(XML))
+    np.testing.assert_array_equal(log.ctrl[:, 0], rows["ctrl"])
+    lacking = {**rows, "qvel": rows["qvel"][:, 0]}
+    with pytest.raises(InputError, match="'qvel' has 1 number a row, expected 3"):
+        StateLog(saved(tmp_path, lacking), mujoco.MjModel.from_xml_string(XML))
+
+
+def test_times_are_those_of_the_log(tmp_path):
+    """Of the run, of the exact one beside it, and of what is said of both; all else is as if it began at 0."""
+    rows = logged()
+    early = oarlock.check(XML, states=saved(tmp_path, rows), budget=0)
+    late = oarlock.check(XML, states=saved(tmp_path, {**rows, "time": rows["time"] + 34.5}), budget=0)
+    for run in ("recording", "exact"):
+        times = [getattr(one.examination, run).time for one in (early, late)]
+        np.testing.assert_allclose(times[1] - times[0], 34.5, atol=1e-9)
+        assert getattr(late.examination, run).end.time_s == pytest.approx(rows["time"][-1] + 34.5)
+    drifts = [one.examination.drifts[0] for one in (early, late)]
+    assert drifts[1].time_s == pytest.approx(drifts[0].time_s + 34.5)
+    assert drifts[1].metres == pytest.approx(drifts[0].metres, rel=1e-9)
+    assert f"t = {drifts[1].time_s:.4g} s" in drifts[1].at
+    np.testing.assert_allclose(late.examination.exact.qpos, early.examination.exact.qpos, atol=1e-12)
+
+
+def test_a_lint_looks_at_no_log(tmp_path, oarlock_here):
+    path = saved(tmp_path, logged())
+    with pytest.raises(InputError, match="a log of states with lint, expected one of the two"):
+        oarlock.check(XML, states=path, lint=True)
+    (tmp_path / "model.xml").write_text(XML)
+    for flag, value in (("--states", path), ("--duration", "1"), ("--target", "1e-3"), ("--hold", "crank")):
+        said = oarlock_here("check", "--lint", "model.xml", flag, value)
+        assert said.returncode == 2
+        assert said.stderr == f"oarlock: {flag} with --lint, expected one of the two: it shows a run\n"
+
+
 def test_quaternions_of_a_log_are_quaternions(tmp_path):
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><body><freejoint/><geom size="0.1"/></body></worldbody></mujoco>'

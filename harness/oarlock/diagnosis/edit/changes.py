@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import mujoco
 import numpy as np
@@ -16,7 +16,7 @@ from oarlock.diagnosis.runs.trials import Setting
 from oarlock.mechanics.names import element_name, equalities
 
 NORMALISED = 1e-15
-"""MuJoCo normalises the quaternions of keyframes once more."""
+"""MuJoCo normalises the quaternions of keyframes and welds once more."""
 
 _BODY, _KEY = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_KEY
 
@@ -187,27 +187,66 @@ class Exclusion:
 
 
 @dataclass(frozen=True)
-class Coefficients:
-    """A polynomial of a joint or tendon equality, given by its number."""
+class Constants:
+    """What an equality, given by its number, asks for: the numbers of one of its attributes."""
 
     equality: int
-    polycoef: tuple[float, ...]
+    values: tuple[float, ...]
     fields: tuple[str, ...] = ()
 
+    attribute: ClassVar[str]
+    at: ClassVar[slice]
+    """Where the numbers stand in ``eq_data`` of a compiled model."""
+
     def edit(self, editors: Mapping[Document, Editor], document: Document, model: mujoco.MjModel) -> None:
-        """Sets ``polycoef``."""
+        """Sets the attribute."""
         place = equality_place(document, model, self.equality)
         if place is None:
             name = equalities(model)[self.equality].name
             raise InputError(f"equality '{name}' is a copy of one in the file, expected one that stands there alone")
-        editors[document].set(place, {"polycoef": numbers(np.array(self.polycoef))})
+        editors[document].set(place, {self.attribute: numbers(np.array(self.values))})
 
     def apply(self, model: mujoco.MjModel) -> None:
         """Sets the numbers of the equality."""
-        model.eq_data[self.equality, :5] = self.polycoef
+        model.eq_data[self.equality, self.at] = self.values
 
     def require(self, model: mujoco.MjModel) -> None:
         """All of it is set by ``apply``."""
+
+
+@dataclass(frozen=True)
+class Coefficients(Constants):
+    """The polynomial (5) of a joint or tendon equality."""
+
+    attribute = "polycoef"
+    at = slice(0, 5)
+
+
+@dataclass(frozen=True)
+class RelativePose(Constants):
+    """The relative pose (7) of the bodies of a weld: where its anchor is in the frame of the first one, and w x y z.
+
+    In the text it takes the place of one that MuJoCo computed, which it marks in ``eq_data``.
+    """
+
+    fields: tuple[str, ...] = ("eq_data",)
+
+    attribute = "relpose"
+    at = slice(3, 10)
+
+    def apply(self, model: mujoco.MjModel) -> None:
+        """Sets the numbers of the weld, with a quaternion of length 1."""
+        super().apply(model)
+        turn = np.array(self.values[3:])
+        mujoco.mju_normalize4(turn)
+        model.eq_data[self.equality, 6:10] = turn
+
+    def require(self, model: mujoco.MjModel) -> None:
+        """Compares them."""
+        there, wanted = model.eq_data[self.equality, self.at].copy(), np.array(self.values)
+        mujoco.mju_normalize4(wanted[3:])
+        if np.abs(there - wanted).max() > NORMALISED:
+            raise InputError("another relative pose of a weld, expected the one that was given")
 
 
 _KEPT = ("time", "act", "ctrl", "mpos", "mquat")

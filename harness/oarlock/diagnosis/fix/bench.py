@@ -10,7 +10,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.diagnosis.beginning import begin
-from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Change, Constants, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
@@ -58,9 +58,9 @@ class Bench:
         return Setting.authored(load_model(self.base.path))
 
     def model(self, changes: Sequence[Change]) -> mujoco.MjModel:
-        """The model with the exclusions and coefficients among changes."""
+        """The model with the exclusions and constants among changes."""
         pairs = tuple(change for change in changes if isinstance(change, Exclusion))
-        laws = _coefficients(changes)
+        laws = _constants(changes)
         if (*pairs, *laws) not in self._models:
             model = self._excluding(pairs) if pairs else self.base.model
             model = copy.copy(model) if laws else model
@@ -70,8 +70,8 @@ class Bench:
         return self._models[*pairs, *laws]
 
     def pose(self, changes: Sequence[Change]) -> ClosedPose | None:
-        """The closed pose nearest to the start with the coefficients among changes."""
-        exam, laws = self.exam, _coefficients(changes)
+        """The closed pose nearest to the start with the constants among changes."""
+        exam, laws = self.exam, _constants(changes)
         if not laws:
             return exam.pose
         if laws not in self._poses:
@@ -151,8 +151,8 @@ class Bench:
         return SEEDS if self.base.model.nu else ()
 
 
-def _coefficients(changes: Sequence[Change]) -> tuple[Coefficients, ...]:
-    return tuple(change for change in changes if isinstance(change, Coefficients))
+def _constants(changes: Sequence[Change]) -> tuple[Constants, ...]:
+    return tuple(change for change in changes if isinstance(change, Constants))
 
 
 def _named(spec: mujoco.MjSpec, body: int) -> str:

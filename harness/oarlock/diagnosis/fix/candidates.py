@@ -1,15 +1,49 @@
 """What might help a model, by what was found out about it."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.edit.changes import Change, Exclusion, Keyframe
+from oarlock.base.text import quoted
+from oarlock.diagnosis.edit.changes import Change, Constants, Exclusion, Keyframe, numbers
 from oarlock.diagnosis.edit.keyframe import new_name, source_key
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.lint.collision import Collision
+from oarlock.diagnosis.loops.poses import ClosedPose
+from oarlock.diagnosis.runs.trials import Trial
+from oarlock.mechanics.names import Equality
+from oarlock.stepping.closing import CONSISTENT
+
+UNMET = "no pose near the start meets it as it is written, inside of all ranges"
+"""What speaks for other constants than those that are written."""
+
+NAMED = 2.0
+"""Times the drift without it: with what a finding names a run may open so much further, as a start in another pose does
+by its softness; beyond that it is not what was meant."""
+
+
+@dataclass(frozen=True)
+class Offset:
+    """Constants with which an equality holds at the start.
+
+    Attributes:
+        equality: whose they are.
+        given: those that are there.
+        change: the new ones.
+        why: what speaks for them, in words; empty where nothing that is written does.
+    """
+
+    equality: Equality
+    given: tuple[float, ...]
+    change: Constants
+    why: str
+
+    def __str__(self) -> str:
+        new, old = (numbers(np.array(values)) for values in (self.change.values, self.given))
+        return f'{self.change.attribute} "{new}" of {quoted(self.equality.name)} in place of "{old}"'
 
 
 def exclusions(exam: Examination) -> Iterator[tuple[Exclusion, Collision]]:
@@ -21,10 +55,20 @@ def exclusions(exam: Examination) -> Iterator[tuple[Exclusion, Collision]]:
             yield Exclusion(*one.bodies), one
 
 
+def freeing(exam: Examination) -> Iterator[tuple[Exclusion, str]]:
+    """Of bodies that overlap at the start and hold a servo, with what a run without their contacts showed."""
+    for one in exam.stuck:
+        late = one.late[0]
+        for each in one.exclusions:
+            said = f"whose contact holds {quoted(late.servo.name)} at {late.reached:.3g} {late.unit}"
+            said += f" of {late.told:.3g}, {one.without:.3g} without it"
+            yield Exclusion(each.bodies[0], each.bodies[1]), said
+
+
 def closed_keyframe(bench: Bench, changes: Sequence[Change] = ()) -> Keyframe | None:
     """The nearest closed pose in the keyframe that the start came from, or in a new one where it came from none.
 
-    It is closed with the coefficients among changes. None where the file starts closed, or there is no such pose.
+    It is closed with the constants among changes. None where the file starts closed, or there is no such pose.
     """
     exam, base = bench.exam, bench.base
     pose = bench.pose(changes)
@@ -37,6 +81,29 @@ def closed_keyframe(bench: Bench, changes: Sequence[Change] = ()) -> Keyframe | 
     if key is not None:
         return Keyframe(pose.qpos, pose.qvel, key=key)
     return Keyframe(pose.qpos, pose.qvel, name=new_name(base.model), ctrl=_held(base.model, exam.laws))
+
+
+def closes_inside(bench: Bench, taken: Sequence[Constants], change: Constants) -> bool:
+    """Whether the start closes, or closes inside of more ranges, with a change beside those that are taken alone."""
+    without = bench.pose(taken)
+    left = None if without is None or not without.closed else _left(without)
+    if left is not None and not left:
+        return False
+    with_it = bench.pose([*taken, change])
+    if with_it is None or not with_it.closed:
+        return False
+    return left is None or _left(with_it) < left
+
+
+def _left(pose: ClosedPose) -> set[str]:
+    """The ranges of joints and tendons that a pose leaves."""
+    return {one.limit for one in pose.outside if one.by > CONSISTENT}
+
+
+def run_closed(bench: Bench, constants: Sequence[Constants]) -> Trial:
+    """A run with some constants from the closed pose nearest to the start."""
+    pose = closed_keyframe(bench, constants)
+    return bench.run([*constants, pose] if pose is not None else constants)
 
 
 def _held(model: mujoco.MjModel, laws: dict[str, str]) -> np.ndarray | None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from oarlock.diagnosis.edit.changes import Change
-from oarlock.diagnosis.fix.offsets import Offset
+from oarlock.diagnosis.fix.candidates import Offset
 from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.recipe import Recipe
@@ -17,9 +17,9 @@ class Choice:
     Attributes:
         changes: in the order in which they are told.
         effects: of each, a run without it and one with it: of settings with all others, of others before the settings.
-        collisions: of exclusions.
-        offsets: of coefficients.
-        pose: the closed one, with these coefficients.
+        collisions: of exclusions; freeing: of those without which a servo does not move, why.
+        offsets: of constants.
+        pose: the closed one, with these constants.
         before: the file as it is; after: with all changes; both under the user's controls from the file's own start.
         elsewhere: with all changes under random controls.
         left_out: what was tried and did not help, in words.
@@ -31,6 +31,7 @@ class Choice:
     changes: list[Change] = field(default_factory=list)
     effects: dict[int, tuple[Trial, Trial]] = field(default_factory=dict)
     collisions: dict[int, Collision] = field(default_factory=dict)
+    freeing: dict[int, str] = field(default_factory=dict)
     offsets: dict[int, Offset] = field(default_factory=dict)
     pose: ClosedPose | None = None
     elsewhere: list[Trial] = field(default_factory=list)

@@ -5,7 +5,8 @@ any gets its first one, where ``check`` then starts by itself. Where nothing hel
 that whatever reads it next finds it.
 
 Where the start contradicts a coupling, either the pose or the constant of its polynomial is off: ``offsets`` has the
-rule.
+rule; ``relposes`` that of welds. Settings are taken out again where the fixed file's own check has an error that they
+do not mend: ``claims``.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,31 +18,19 @@ from typing import Any
 
 from oarlock.base.errors import InputError, few
 from oarlock.base.numbers import finite
-from oarlock.base.text import called, quoted
 from oarlock.diagnosis.beginning import begin
-from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Change, Keyframe
 from oarlock.diagnosis.edit.copy import write_copies
 from oarlock.diagnosis.edit.place import require_place
 from oarlock.diagnosis.examination import Examination, examine
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.fix.choice import Choice
-from oarlock.diagnosis.fix.search import choose_changes, described
+from oarlock.diagnosis.fix.claims import MENDED, claims, hidden, in_words, mended, standing
+from oarlock.diagnosis.fix.search import choose_changes, described, take_settings_out
 from oarlock.diagnosis.fix.words import drifts, opens, overrun, overruns
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.diagnosis.verdict.verdicts import judge
-from oarlock.mechanics.names import equalities
-
-CLAIMS = {
-    Keyframe: ("S1",),
-    Coefficients: ("S1", "S4", "A2"),
-    Exclusion: ("C4",),
-    Settings: ("D1", "D2", "D3", "D4", "D5", "D6", "T2"),
-}
-"""Kind of change → codes of findings that it is to mend; coefficients those of their own equality."""
-
-MENDED = {code for kind, codes in CLAIMS.items() if kind is not Coefficients for code in codes}
-"""Codes that some change is to mend, whatever they are said of."""
 
 
 @dataclass(frozen=True)
@@ -229,21 +218,19 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         raise InputError("a fix is tried by runs of the model, expected no log of states (--states)")
     bench = Bench.of(exam)
     choice = choose_changes(bench)
-    written = write_copies(bench.base.path, out, choice.changes)
-    again = _begun(bench, choice.changes, out)
-    start, setting = Start(again.qpos, again.qvel, again.act, "file"), Setting.authored(again.model)
-    after = bench.run_model(again.model, setting, start)
-    elsewhere = tuple(bench.run_model(again.model, setting, start, seed) for seed in bench.seeds)
-    for _ in examine(again):
-        pass
-    left = tuple(one for one in judge(again) if one.severity != "note")
-    left += _overrun(choice, findings, left)
-    unmended = [one for one in left if any(_claims(bench, change, one) for change in choice.changes)]
-    were = {one.code for one in findings if one.severity != "note"}
+    again = _checked(bench, choice, findings, out)
+    if (wrong := standing(again.left)) and take_settings_out(bench, choice, in_words(wrong)):
+        first = again.written
+        again = _checked(bench, choice, findings, out)
+        for path in first.keys() - again.written.keys():  # a copy of an included file that needs no change now
+            path.unlink(missing_ok=True)
+    start, setting = Start(again.exam.qpos, again.exam.qvel, again.exam.act, "file"), Setting.authored(again.exam.model)
+    after = bench.run_model(again.exam.model, setting, start)
+    elsewhere = tuple(bench.run_model(again.exam.model, setting, start, seed) for seed in bench.seeds)
     return Fix(
         file=out,
-        written=tuple(written),
-        lines=tuple(line for path, source in written.items() for line in changed_lines(source, path)),
+        written=tuple(again.written),
+        lines=tuple(line for path, source in again.written.items() for line in changed_lines(source, path)),
         changes=tuple(_changed(bench, change, choice) for change in choice.changes),
         left_out=tuple(choice.left_out),
         target=bench.target,
@@ -251,39 +238,42 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         after=after,
         elsewhere_before=tuple(bench.run([], seed) for seed in bench.seeds),
         elsewhere=elsewhere,
-        begins=again.begins,
-        mended=tuple(sorted(were - {one.code for one in left})),
-        left=left,
-        reason=_reason(bench, choice, after, unmended),
+        begins=again.exam.begins,
+        mended=mended(findings, choice.changes, again.found),
+        left=again.left,
+        reason=_reason(bench, choice, after, again.left),
         elsewhere_reason=_elsewhere(bench.target, elsewhere),
     )
 
 
-def _claims(bench: Bench, change: Change, finding: Finding) -> bool:
-    """Whether a change is to mend a finding."""
-    if finding.code not in CLAIMS.get(type(change), ()):
-        return False
-    if isinstance(change, Coefficients):
-        return any(one.index == change.equality and one.name == finding.element for one in equalities(bench.base.model))
-    return True
+@dataclass(frozen=True)
+class _Checked:
+    """A fixed file as it was written.
+
+    Attributes:
+        written: what was written → what it is a copy of.
+        exam: its own check.
+        found: what that found, and what of the model it only does not see.
+    """
+
+    written: dict[Path, Path]
+    exam: Examination
+    found: tuple[Finding, ...]
+
+    @property
+    def left(self) -> tuple[Finding, ...]:
+        """The errors and warnings."""
+        return tuple(one for one in self.found if one.severity != "note")
 
 
-def _overrun(choice: Choice, findings: Sequence[Finding], left: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Limits that stop a loop (C5) and that stiffer equalities push in: those are not mended, they are overrun."""
-    if not any(isinstance(change, Settings) for change in choice.changes):
-        return ()
-    told = {(one.element, one.figures["joint"]) for one in left if one.code == "C5"}
-    pushed = [one for one in findings if one.code == "C5" and one.severity != "note"]
-    return tuple(
-        replace(
-            one,
-            line=f"stiffer equalities push the limit of {called('joint', one.figures['joint'])} "
-            f"({one.figures['limit']:.4g}) in, and do not mend it: widen the range of "
-            f"{quoted(one.figures['joint'])} to {one.figures['wanted']:.4g}",
-        )
-        for one in pushed
-        if (one.element, one.figures["joint"]) not in told
-    )
+def _checked(bench: Bench, choice: Choice, findings: Sequence[Finding], out: Path) -> _Checked:
+    """Writes the file and checks it."""
+    written = write_copies(bench.base.path, out, choice.changes)
+    again = _begun(bench, choice.changes, out)
+    for _ in examine(again):
+        pass
+    found = judge(again, bench.exam.options.fail_above)
+    return _Checked(written, again, (*found, *hidden(bench, choice.changes, findings, found)))
 
 
 def _begun(bench: Bench, changes: Sequence[Change], out: Path) -> Examination:
@@ -304,23 +294,28 @@ def _changed(bench: Bench, change: Change, choice: Choice) -> Changed:
     return Changed(described(bench, change, choice), *choice.effects[id(change)])
 
 
-def _reason(bench: Bench, choice: Choice, after: Trial, unmended: Sequence[Finding]) -> str:
-    """Why the file does not hold the target, in a sentence; empty where it does."""
-    exam = bench.exam
+def _reason(bench: Bench, choice: Choice, after: Trial, left: Sequence[Finding]) -> str:
+    """Why the file does not hold the target, or is not mended, in a sentence; empty where it is."""
+    said = []
     if after.drift > bench.target:
-        why = ""
-        if not choice.closed:
-            why = "no pose near the start closes the loops"
-        elif exam.options.budget <= 0:
-            why = "no settings were looked for"
-        elif choice.recipe is not None and not choice.recipe.reached:
-            why = choice.recipe.reason
-        elif exam.missing.get("remedy"):
-            why = exam.missing["remedy"]
-        return opens(after) + (f": {why}" if why else "")
-    if unmended:
-        return f"its own check still says {few([f'{one.code} {one.name}' for one in unmended])}"
-    return ""
+        said.append(opens(after) + (f": {why}" if (why := _why_open(bench, choice)) else ""))
+    if errors := [one for one in left if one.severity == "error"]:
+        said.append(f"{in_words(errors)} {'stays' if len(errors) == 1 else 'stay'}")
+    if said:
+        return "; ".join(said)
+    unmended = [one for one in left if any(claims(bench, change, one) for change in choice.changes)]
+    return f"its own check still says {few([f'{one.code} {one.name}' for one in unmended])}" if unmended else ""
+
+
+def _why_open(bench: Bench, choice: Choice) -> str:
+    exam = bench.exam
+    if not choice.closed:
+        return "no pose near the start closes the loops"
+    if exam.options.budget <= 0:
+        return "no settings were looked for"
+    if choice.recipe is not None and not choice.recipe.reached:
+        return choice.recipe.reason
+    return exam.missing.get("remedy", "")
 
 
 def _elsewhere(target: float, trials: Sequence[Trial]) -> str:

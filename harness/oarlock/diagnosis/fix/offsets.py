@@ -22,16 +22,13 @@ import numpy as np
 
 from oarlock.base.errors import InputError, few
 from oarlock.base.text import quoted
-from oarlock.diagnosis.edit.changes import Coefficients, numbers
+from oarlock.diagnosis.edit.changes import Coefficients, Constants
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.edit.keyframe import source_key
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.candidates import closed_keyframe
+from oarlock.diagnosis.fix.candidates import UNMET, Offset, closes_inside, run_closed
 from oarlock.diagnosis.fix.words import drifts
 from oarlock.diagnosis.lint.opened import ROUNDED
-from oarlock.diagnosis.loops.poses import ClosedPose
-from oarlock.diagnosis.runs.overrun import Overruns
-from oarlock.diagnosis.runs.trials import Trial
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.poses.assembly import Assembly
@@ -48,27 +45,6 @@ HALF = 0.5
 
 WRITTEN = 1e-12
 """m or rad: so near to a constant the shortest number is written. A closed start promises no more."""
-
-
-@dataclass(frozen=True)
-class Offset:
-    """A constant that closes a coupling at the start.
-
-    Attributes:
-        equality: of the coupling.
-        given: its polynomial (5) as it is written.
-        change: the new one.
-        why: what speaks for it, in words; empty where nothing that is written does.
-    """
-
-    equality: Equality
-    given: tuple[float, ...]
-    change: Coefficients
-    why: str
-
-    def __str__(self) -> str:
-        name, new, old = quoted(self.equality.name), _written(self.change.polycoef), _written(self.given)
-        return f'polycoef "{new}" of {name} in place of "{old}"'
 
 
 def choose_offsets(bench: Bench) -> tuple[list[Offset], list[str]]:
@@ -195,17 +171,17 @@ class _Seen:
     x: dict[int, np.ndarray]
 
 
-def _tried(bench: Bench, taken: Sequence[Coefficients], offset: Offset, alike: str) -> tuple[str, str]:
+def _tried(bench: Bench, taken: Sequence[Constants], offset: Offset, alike: str) -> tuple[str, str]:
     """What speaks for a constant and against it once both ways were run, with others that were taken before."""
     why = offset.why
-    if not why and _inside(bench, taken, offset.change):
-        why = "no pose near the start meets it as it is written, inside of all ranges"
+    if not why and closes_inside(bench, taken, offset.change):
+        why = UNMET
     if not why and alike:
         return "", f"{quoted(alike)}, which has the same polycoef, holds at the start"
     lasts = any(one.equality == offset.equality.name and one.attribute == "polycoef" for one in bench.exam.lasting)
     if not why and not lasts:
         return "", "the closed pose holds the coupling as it is written"
-    kept, moved = _run(bench, [*taken, offset.change]), _run(bench, taken)
+    kept, moved = run_closed(bench, [*taken, offset.change]), run_closed(bench, taken)
     held = f"{drifts(kept)} with it, {drifts(moved)} with the closed pose instead"
     if not why:
         if moved.drift <= bench.target or kept.drift >= HALF * moved.drift:
@@ -216,38 +192,7 @@ def _tried(bench: Bench, taken: Sequence[Coefficients], offset: Offset, alike: s
     return why, ""
 
 
-def _inside(bench: Bench, taken: Sequence[Coefficients], change: Coefficients) -> bool:
-    """Whether the start closes, or closes inside of more ranges, with a change alone."""
-    without = bench.pose(taken)
-    left = None if without is None or not without.closed else _left(bench, without)
-    if left is not None and not left:
-        return False
-    with_it = bench.pose([*taken, change])
-    if with_it is None or not with_it.closed:
-        return False
-    return left is None or _left(bench, with_it) < left
-
-
-def _left(bench: Bench, pose: ClosedPose) -> set[str]:
-    """The ranges of joints and tendons that a pose leaves."""
-    model = bench.base.model
-    data, overruns = bench.data(model), Overruns(model)
-    data.qpos[:] = pose.qpos
-    mujoco.mj_fwdPosition(model, data)
-    overruns.see(data)
-    return {one.limit for one in overruns.found if one.by > CONSISTENT}
-
-
-def _run(bench: Bench, offsets: Sequence[Coefficients]) -> Trial:
-    pose = closed_keyframe(bench, offsets)
-    return bench.run([*offsets, pose] if pose is not None else offsets)
-
-
 def _short(value: float) -> float:
     """The number of fewest digits that is the same but for ``WRITTEN``."""
     every = (0.0, *(float(f"{value:.{digits}g}") for digits in range(1, 18)))
     return next(number for number in every if abs(number - value) <= WRITTEN)
-
-
-def _written(polycoef: Sequence[float]) -> str:
-    return numbers(np.array(polycoef))

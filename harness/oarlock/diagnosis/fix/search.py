@@ -7,13 +7,14 @@ import mujoco
 
 from oarlock.base.errors import InputError
 from oarlock.base.text import quoted
-from oarlock.diagnosis.edit.changes import Change, Coefficients, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Change, Constants, Exclusion, Keyframe, Settings
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.edit.keyframe import new_name
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.candidates import closed_keyframe, exclusions
+from oarlock.diagnosis.fix.candidates import closed_keyframe, exclusions, freeing
 from oarlock.diagnosis.fix.choice import Choice
 from oarlock.diagnosis.fix.offsets import choose_offsets
+from oarlock.diagnosis.fix.relposes import choose_relposes
 from oarlock.diagnosis.fix.words import drifts
 from oarlock.diagnosis.runs.recipe import Recipe
 from oarlock.diagnosis.runs.trials import Setting, Trial
@@ -36,6 +37,8 @@ def choose_changes(bench: Bench) -> Choice:
     before = bench.run([])
     found = Choice(before, before)
     offsets, found.left_out = choose_offsets(bench)
+    relposes, said = choose_relposes(bench, [one.change for one in offsets])
+    offsets, found.left_out = [*offsets, *relposes], [*found.left_out, *said]
     found.offsets = {id(one.change): one for one in offsets}
     wanted: list[Change] = [one.change for one in offsets]
     found.pose = bench.pose(wanted)
@@ -44,10 +47,16 @@ def choose_changes(bench: Bench) -> Choice:
     for exclusion, collision in exclusions(exam):
         wanted.append(exclusion)
         found.collisions[id(exclusion)] = collision
+    for exclusion, said in freeing(exam):
+        if exclusion not in wanted:
+            wanted.append(exclusion)
+            found.freeing[id(exclusion)] = said
     changes = [change for one in wanted if (change := _with_room(bench, one, found))]
     _settle(bench, found, changes)
     for change in list(changes):  # at the author's settings: stiff ones hide what a collision does
-        if isinstance(change, Coefficients):  # which was tried, and which the closed pose hangs on
+        if isinstance(change, Constants):  # which was tried, and which the closed pose hangs on
+            continue
+        if id(change) in found.freeing:  # which was tried, and moves what stood still: no gap measures that
             continue
         rest = [one for one in changes if one is not change]
         with_it, without = bench.run(changes), bench.run(rest)
@@ -62,13 +71,34 @@ def choose_changes(bench: Bench) -> Choice:
         _settle(bench, found, changes)
     for change in changes:
         found.effects[id(change)] = _effect(bench, [one for one in changes if one is not change], changes)
-    settings = _settings(bench, found, changes, target)
-    if settings is None and bench.own != bench.authored:  # the user asked for them
-        settings = Settings(bench.own)
+    settings = _settings(bench, found, changes, target) or _asked_for(bench)
     if settings is not None:
         found.effects[id(settings)] = _effect(bench, changes, [*changes, settings])
         _settle(bench, found, [*changes, settings])
     return found
+
+
+def _asked_for(bench: Bench) -> Settings | None:
+    return Settings(bench.own) if bench.own != bench.authored else None
+
+
+def take_settings_out(bench: Bench, found: Choice, wrong: str) -> bool:
+    """Takes out settings that nobody asked for, where something is wrong that they do not mend, in words.
+
+    Returns:
+        Whether there were any.
+    """
+    given, asked = [one for one in found.changes if isinstance(one, Settings)], _asked_for(bench)
+    if not given or given == [asked]:
+        return False
+    changes = [one for one in found.changes if not isinstance(one, Settings)]
+    said = described(bench, given[0], found)
+    found.left_out.append(f"{said}: beside {wrong} stiffer equalities would only hide what is wrong")
+    if asked is not None:
+        found.effects[id(asked)] = _effect(bench, changes, [*changes, asked])
+        changes.append(asked)
+    _settle(bench, found, changes)
+    return True
 
 
 def _effect(bench: Bench, rest: list[Change], changes: list[Change]) -> tuple[Trial, Trial]:
@@ -161,12 +191,15 @@ def described(bench: Bench, change: Change, found: Choice) -> str:
         return f"the nearest closed pose in keyframe '{name}'{moves}"
     if isinstance(change, Exclusion):
         names = [element_name(base.model, mujoco.mjtObj.mjOBJ_BODY, body) for body in (change.body1, change.body2)]
+        apart = f"no contacts of '{names[0]}' and '{names[1]}'"
+        if (said := found.freeing.get(id(change))) is not None:
+            return f"{apart}, {said}"
         one = found.collisions[id(change)]
         joins = f", which {quoted(one.equality)} joins and which collide" + (
             f" by {one.depth * 1e3:.2g} mm" if one.depth else ""
         )
-        return f"no contacts of '{names[0]}' and '{names[1]}'{joins}"
-    if isinstance(change, Coefficients):
+        return f"{apart}{joins}"
+    if isinstance(change, Constants):
         offset = found.offsets[id(change)]
         return f"{offset}, for {offset.why}"
     if isinstance(change, Settings):

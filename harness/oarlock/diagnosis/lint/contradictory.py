@@ -8,6 +8,7 @@ import numpy as np
 
 from oarlock.base.text import quoted
 from oarlock.diagnosis.lint.view import JOINT, TENDON, Remark, View
+from oarlock.diagnosis.loops.odd import Ask, oddest
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality, element_name
 
@@ -178,10 +179,11 @@ def _circle(view: View, ring: Ring) -> str:
     return " → ".join(_name(view, node) for node in (*ring.nodes, ring.nodes[0]))
 
 
-def _remark(ring: Ring, said: str, off: float, **figures: float) -> Remark:
-    others = [one.equality.name for one in ring.couplings if one is not ring.closing]
+def _remark(ring: Ring, said: str, off: float, odd: Coupling | None = None, **figures: float) -> Remark:
+    odd = odd or ring.closing
+    others = [one.equality.name for one in ring.couplings if one is not odd]
     severity = None if off > ROUGH else "warning"
-    return Remark("L9", said, ring.closing.equality.name, severity, {"also": others, **figures})
+    return Remark("L9", said, odd.equality.name, severity, {"also": others, **figures})
 
 
 def _straight(view: View, ring: Ring) -> Iterator[Remark]:
@@ -200,12 +202,27 @@ def _straight(view: View, ring: Ring) -> Iterator[Remark]:
         return
     left = _place(view, ring.nodes[0], offset / (1.0 - product))
     said = f"the ring {_circle(view, ring)} has the product {product:.6g}: only {left} is left"
-    closing = ring.closing
-    at = ring.couplings.index(closing)
-    wanted = closing.polynomial[1] * (1.0 / product if ring.nodes[at] == closing.second else product)
-    said += f"; with the ratio {wanted:.6g} of {quoted(closing.equality.name)} in place of "
-    said += f"{closing.polynomial[1]:.6g} it turns"
-    yield _remark(ring, said, off, product=product, wanted=float(wanted))
+    asks = [_ask(view, one, product, node) for one, node in zip(ring.couplings, ring.nodes, strict=True)]
+    order = sorted(range(len(asks)), key=lambda at: -ring.couplings[at].equality.index)
+    own = {one.equality.index for one in ring.couplings}
+    beside = [
+        _ask(view, one, 1.0, one.second)
+        for one in couplings(view)
+        if one.straight and one.second != GROUND and one.equality.index not in own
+    ]
+    at = order[oddest([asks[place] for place in order], beside)[0]]
+    odd, ask = ring.couplings[at], asks[at]
+    said += f"; with the ratio {ask.wanted:.6g} of {quoted(odd.equality.name)} in place of {ask.given:.6g} it turns"
+    if ask.swapped and odd.first[0] == int(JOINT) and not odd.polynomial[0]:
+        said += f', which joint1="{_name(view, odd.second)}" joint2="{_name(view, odd.first)}" gives it'
+    yield _remark(ring, said, off, odd, product=product, wanted=ask.wanted)
+
+
+def _ask(view: View, one: Coupling, product: float, start: Node) -> Ask:
+    """The ratio of a coupling, and the one with which a ring of some product, entered at an end of it, turns."""
+    sorts = [int(view.model.jnt_type[node[1]]) if node[0] == int(JOINT) else -1 for node in (one.first, one.second)]
+    given = float(one.polynomial[1])
+    return Ask((sorts[0], sorts[1]), given, given * (1.0 / product if start == one.second else product))
 
 
 def _bent(view: View, ring: Ring) -> Iterator[Remark]:

@@ -10,9 +10,10 @@ from collections.abc import Iterator
 import mujoco
 import numpy as np
 
+from oarlock.base.numbers import rounded_down
 from oarlock.base.text import called
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.lint.servo import Linear, rounded_down
+from oarlock.diagnosis.lint.servo import Linear
 from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of

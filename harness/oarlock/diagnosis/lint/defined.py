@@ -53,7 +53,7 @@ def look(view: View) -> Iterator[Remark]:
             if one.kind.turns:
                 mujoco.mj_resetDataKeyframe(model, data, key)
                 mujoco.mj_kinematics(model, data)
-                wanted = figures["wanted"] = _relpose(model, data, one)
+                wanted = figures["wanted"] = " ".join(f"{value:.6g}" for value in relative_pose(model, data, one))
                 said += f'of which it holds the relative pose: with relpose="{wanted}" it holds that of the keyframe'
             else:
                 said += (
@@ -63,15 +63,22 @@ def look(view: View) -> Iterator[Remark]:
             yield Remark("S6", said, name, figures=figures)
 
 
-def _relpose(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> str:
-    """A pose of the second body of a weld, at its anchor, in the frame of the first, as in a file."""
+def relative_pose(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> np.ndarray:
+    """The pose (7) of the second body of a weld, at its anchor, in the frame of the first, as relpose has it in a file.
+
+    Args:
+        model: with the weld.
+        data: at a state whose kinematics are done.
+        one: the weld, of two bodies.
+    """
     first, second = one.bodies
     place = data.xpos[second] + data.xmat[second].reshape(3, 3) @ model.eq_data[one.index, :3]
     position = data.xmat[first].reshape(3, 3).T @ (place - data.xpos[first])
     back, turn = np.zeros(4), np.zeros(4)
     mujoco.mju_negQuat(back, data.xquat[first])
     mujoco.mju_mulQuat(turn, back, data.xquat[second])
-    return " ".join(f"{0.0 if abs(value) < ROUNDED else value:.6g}" for value in (*position, *turn))
+    found = np.concatenate([position, turn])
+    return np.where(np.abs(found) < ROUNDED, 0.0, found)
 
 
 def _gap(model: mujoco.MjModel, data: mujoco.MjData, one: Equality) -> float:

@@ -18,7 +18,10 @@ MEANT = 0.05
 
 def look(view: View) -> Iterator[Remark]:
     """A remark a group, where no closed pose was looked for: a check finds those too that only snap back."""
-    if not view.equalities or view.posed or not view.loops.closed:
+    if not view.equalities or not view.loops.closed:
+        return
+    yield from _held(view)
+    if view.posed:
         return
     for number, group in enumerate(view.loops.groups):
         if group.dof or not group.dofs:
@@ -33,6 +36,21 @@ def look(view: View) -> Iterator[Remark]:
             assembly, (member,) = view.assembly, view.loops.members(number)
             slide = find_release(assembly, member, view.loops.dofs(number), assembly.data.qpos.copy())
         yield Remark("S3", sentence(tilts, group.equalities, frees, slide), group.equalities[0], severity, figures)
+
+
+def _held(view: View) -> Iterator[Remark]:
+    """S3 of what is driven, in a group that moves otherwise."""
+    for one in view.held:
+        group = view.loops.groups[one.group]
+        if not group.dof:
+            continue
+        names = [view.loops.loops[member].name for member in one.members]
+        joints = view.joints(one.dofs)
+        held = few([quoted(name) for name in joints], last="and")
+        said = f"{held}, which an actuator drives, cannot move although other joints of the loops can"
+        said = "; ".join([said, *without(names, names)])
+        figures = {"also": names[1:], "held": joints, "dof": group.dof, "kept": group.spectrum.kept}
+        yield Remark("S3", said, names[0], None if names[1:] else "warning", figures)
 
 
 def sentence(tilts: Sequence[Tilt], equalities: Sequence[str], frees: Sequence[str], slide: str = "") -> str:

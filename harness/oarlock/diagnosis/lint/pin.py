@@ -21,7 +21,7 @@ def look(view: View) -> Iterator[Remark]:
             continue
         own = [view.loops.loops[member].equality for member in view.loops.members(number)]
         for one in own:
-            if any(view.model.body_mocapid[body] >= 0 for body in one.bodies):
+            if not one.kind.joins_points or any(view.model.body_mocapid[body] >= 0 for body in one.bodies):
                 continue
             if one.kind.turns:
                 dof = view.freedom(group, one, _pinned)
@@ -44,7 +44,8 @@ def _remark(one: Equality, said: str, *also: str) -> Remark:
 
 def _twin(view: View, own: list[Equality], one: Equality) -> Equality | None:
     """Another connect of the same two bodies, if there is one."""
-    others = [other for other in own if other is not one and sorted(other.bodies) == sorted(one.bodies)]
+    others = [other for other in own if other is not one and other.kind.joins_points]
+    others = [other for other in others if sorted(other.bodies) == sorted(one.bodies)]
     return next((other for other in others if not other.kind.turns), None)
 
 

@@ -40,7 +40,7 @@ def look(view: View) -> Iterator[Remark]:
         low, high = reach
         if max(low - told, told - high) <= FAR * (high - low):
             continue
-        if one.joint >= 0 and in_degrees(model, one.joint, told):
+        if one.joint >= 0 and in_degrees(view, one.joint, told):
             continue  # which is said of all that have it
         yield _remark(view, one, joints, control, told, (low, high))
 

@@ -8,13 +8,14 @@ be at the end under implicit and implicitfast. Joints' own damping is taken at t
 import copy
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from oarlock.base.errors import few
+from oarlock.base.numbers import rounded_down
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.mechanics.engine_version import full_mass
@@ -41,6 +42,9 @@ ALIKE = 0.05
 
 MARGIN = 1.06
 """Times the armature at the edge, which is told with two digits: rounding takes up to a twentieth."""
+
+AT_START, IN_RUN = "at the start and of small motions", "in this run"
+"""Where a bound with the loops holds."""
 
 UNSTABLE = "unstable by itself"
 """What is said of one that a step at the start does not bear; a run tells whether it is borne elsewhere."""
@@ -282,6 +286,7 @@ def _remark(view: View, linears: tuple[Linear, Linear], ones: list[Feedback]) ->
     figures: dict[str, object] = {"number": number, "number_with_loops": with_loops}
     for what, found in bounds.items():
         figures |= {what: own[what], f"{what}_stable": min(found) * own[what]}
+        figures |= {f"{what}_with_loops": found[1] * own[what]} if _helps(*found) else {}
     figures |= {"timestep_stable_s": step * free.h or None, "armature": armature or None, "also": names[1:]}
     return Remark("A1", said, names[0], "note" if not shakes else "warning" if clamped else None, figures)
 
@@ -301,15 +306,29 @@ def _below(what: str, own: float, alone: float, with_loops: float) -> str:
     """A bound on a gain, and what it is as long as the loops help."""
     least = min(alone, with_loops)
     said = f"{what} below {rounded_down(least * own, 3):g}"
-    if alone * (1.0 + ALIKE) < with_loops < math.inf:
-        said += f" ({rounded_down(with_loops * own, 3):g} with the loops)"
-    return said
+    return said + _beside(with_loops * own, AT_START) if _helps(alone, with_loops) else said
 
 
-def rounded_down(value: float, digits: int) -> float:
-    """To some digits, towards zero."""
-    unit = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
-    return float(f"{math.floor(value / unit + 1e-9) * unit:.{digits}g}")
+def _helps(alone: float, with_loops: float) -> bool:
+    return alone * (1.0 + ALIKE) < with_loops < math.inf
+
+
+def _beside(gain: float, where: str) -> str:
+    return f" ({rounded_down(gain, 3):g} with the loops, {where})"
+
+
+def measured(remark: Remark, what: str, gain: float | None) -> Remark:
+    """A remark with the gain up to which the run is finite in place of what a step at the start says of it.
+
+    Args:
+        remark: of an actuator whose bound is another one with the loops: figure ``kp_with_loops`` or ``kv_with_loops``.
+        what: ``kp`` or ``kv``.
+        gain: that; None: it is not known, and nothing is said of it.
+    """
+    figures = {name: value for name, value in remark.figures.items() if name != f"{what}_with_loops"}
+    said = "" if gain is None else _beside(gain, IN_RUN)
+    line = remark.line.replace(_beside(remark.figures[f"{what}_with_loops"], AT_START), said, 1)
+    return replace(remark, line=line, figures=figures if gain is None else figures | {f"{what}_with_loops": gain})
 
 
 def _armature(view: View, ones: list[Feedback]) -> float:

@@ -119,7 +119,9 @@ def _of_controls(view: View) -> Iterator[Remark]:
             continue
         low, high = model.actuator_ctrlrange[one.index].tolist()
         ends = [end for end in map(one.reached, (low, high)) if abs(end) > 1e-6]
-        if ends and all(abs(end) > max(_limit(model, one.joint), TURN) and degrees(end) for end in ends):
+        if not ends or geared(view, one.joint, max(map(abs, ends))):
+            continue
+        if all(abs(end) > max(_limit(model, one.joint), TURN) and degrees(end) for end in ends):
             found.append((one.name, low, high, max(map(abs, ends)), one.joint))
     if found:
         _, low, high, most, joint = found[0]
@@ -140,7 +142,7 @@ def _of_told(view: View) -> Iterator[Remark]:
     for one in servos(model):
         control = one.told(model, float(view.data.ctrl[one.index]))
         reached = one.reached(control)
-        if in_degrees(model, one.joint, reached):
+        if in_degrees(view, one.joint, reached):
             found.append((one, control, reached))
     if found:
         one, control, reached = found[0]
@@ -152,11 +154,33 @@ def _of_told(view: View) -> Iterator[Remark]:
         yield replace(remark, figures={**remark.figures, "loops": view.around(each.joint for each, *_ in found)})
 
 
-def in_degrees(model: mujoco.MjModel, joint: int, reached: float) -> bool:
+def in_degrees(view: View, joint: int, reached: float) -> bool:
     """Whether a servo is told a plain number of degrees, which as an angle are about what its hinge can do."""
-    limit = _limit(model, joint)
+    model, limit = view.model, _limit(view.model, joint)
     hinge = model.jnt_type[joint] == _HINGE and degrees(reached) and abs(reached) > limit
-    return bool(hinge and math.radians(abs(reached)) <= ROOM * limit)
+    return bool(hinge and math.radians(abs(reached)) <= ROOM * limit and not geared(view, joint, reached))
+
+
+def geared(view: View, joint: int, value: float) -> bool:
+    """Whether a coupling makes of many turns (rad) of a hinge what its other joint can do: a lead screw, a winch."""
+    model = view.model
+    if model.jnt_limited[joint]:
+        return False
+    for one in view.equalities:
+        ids = coupled_ids(model, one.index) if one.kind.holds == "joints" else []
+        slope = float(model.eq_data[one.index, 1])
+        if len(ids) != 2 or joint not in ids or not slope or model.eq_data[one.index, 2:5].any():
+            continue
+        other, ratio = (ids[1], 1.0 / slope) if joint == ids[0] else (ids[0], slope)
+        if abs(ratio * value) <= (_limit(model, other) if model.jnt_type[other] == _HINGE else _way(view, other)):
+            return True
+    return False
+
+
+def _way(view: View, slide: int) -> float:
+    """How far a slide may go, m."""
+    model = view.model
+    return float(np.abs(model.jnt_range[slide]).max()) if model.jnt_limited[slide] else view.size
 
 
 def _of_couplings(view: View) -> Iterator[Remark]:

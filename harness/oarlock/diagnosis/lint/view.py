@@ -9,6 +9,7 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
+from oarlock.diagnosis.loops.held import Held, find_held
 from oarlock.diagnosis.loops.loops import Group, Loops, loops_at
 from oarlock.diagnosis.loops.mobility import Tilt, find_mobility, find_tilts
 from oarlock.diagnosis.loops.poses import ClosedPose
@@ -87,6 +88,28 @@ class View:
         if self._pose is not None:
             return self._pose.loops
         return loops_at(self.assembly, self.assembly.close(), dependent=False)
+
+    @cached_property
+    def held(self) -> tuple[Held, ...]:
+        """What an actuator drives and equalities hold at that pose; not what a constant or a mocap body holds."""
+        model, data = self.model, self.data
+        moment = np.zeros((model.nu, model.nv))
+        if not model.nu or not self.equalities or not self.loops.closed:
+            return ()
+        mujoco.mju_sparse2dense(
+            moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+        )
+        found = find_held(self.assembly, self.loops, np.flatnonzero(moment.any(axis=0)).tolist())
+        return tuple(one for one in found if not self._meant(one))
+
+    def _meant(self, one: Held) -> bool:
+        own = [self.loops.loops[member] for member in one.members]
+        mocap = any(self.model.body_mocapid[body] >= 0 for loop in own for body in loop.equality.bodies)
+        return mocap or all(len(loop.path.joints) <= 1 for loop in own)
+
+    def joints(self, dofs: Iterable[int]) -> list[str]:
+        """Names of the joints of some degrees of freedom, each once."""
+        return [*dict.fromkeys(element_name(self.model, JOINT, int(self.model.dof_jntid[dof])) for dof in dofs)]
 
     def freedom(
         self, group: Group, one: Equality, change: Callable[[mujoco.MjModel, mujoco.MjData, Equality], None]

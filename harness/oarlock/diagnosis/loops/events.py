@@ -79,6 +79,7 @@ class RankHistory:
 
     Attributes:
         rank: what it is for the most part.
+        ranks: at the closed poses that were looked at.
         smallest: smallest singular value of that rank at every sample (T), of the largest.
         dropped: largest one beyond it (T), of the largest: 1e-14 on closed poses, what drift makes of it on open ones.
         events: in the order of time.
@@ -87,6 +88,7 @@ class RankHistory:
     """
 
     rank: int
+    ranks: tuple[int, ...]
     smallest: np.ndarray
     dropped: np.ndarray
     events: tuple[RankEvent, ...]
@@ -119,18 +121,20 @@ def rank_events(
     for index in np.unique(np.linspace(0, len(qpos) - 1, PROJECTED).astype(int)):
         assembly.place(qpos[index])
         looked_at.append(loops_at(assembly, assembly.close(), dependent=False))
-    generic = max(looked_at, key=lambda loops: (loops.rank, loops.closed))
+    closed = tuple(loops.rank for loops in looked_at if loops.closed)
+    # A start next to a singular pose may have a rank of its own; of the others one that is less is passed.
+    generic = max(looked_at, key=lambda loops: (closed.count(loops.rank), loops.rank, loops.closed))
     kept = [loops for loops in looked_at if loops.rank == generic.rank]
     removable = {loop.name: all(at.loops[k].removable for at in kept) for k, loop in enumerate(generic.loops)}
     if generic.rank == 0:
         none = np.zeros(len(qpos))
-        return RankHistory(0, none, none.copy(), (), removable, generic)
+        return RankHistory(0, closed, none, none.copy(), (), removable, generic)
     view = _View(assembly, qpos, generic.rank)
     at_rank, beyond = view.along(qpos)
     usual = float(np.median(at_rank))
     events = [_refined(view, qpos, times_s, run, at_rank, usual) for run in _dips(at_rank, usual)]
     found = tuple(event for event in events if event is not None)
-    return RankHistory(generic.rank, at_rank, beyond, found, removable, generic)
+    return RankHistory(generic.rank, closed, at_rank, beyond, found, removable, generic)
 
 
 class _View:

@@ -92,7 +92,7 @@ def find_mobility(assembly: Assembly, loops: Loops) -> tuple[Mobility, ...]:
         if not group.dofs:
             continue
         members = loops.members(number)
-        reached = list(_reached(assembly, _motions(assembly, members, loops.dofs(number), pose), pose))
+        reached = list(reached_from(assembly, admitted(assembly, members, loops.dofs(number), pose), pose))
         moves = bool(reached)
         near = min([group.dof, *(group.dofs - _rank_of(assembly, members, there) for there in reached)])
         freed = {one for one in members if loops.loops[one].freed}
@@ -105,7 +105,7 @@ def find_mobility(assembly: Assembly, loops: Loops) -> tuple[Mobility, ...]:
     return tuple(found)
 
 
-def _reached(assembly: Assembly, motions: np.ndarray, pose: np.ndarray) -> Iterator[np.ndarray]:
+def reached_from(assembly: Assembly, motions: np.ndarray, pose: np.ndarray) -> Iterator[np.ndarray]:
     """Closed poses (nq) apart from a pose, along some motions (k, nv).
 
     Each motion and one of them all, both ways: at a singular pose a mixture of branches leads nowhere.
@@ -128,7 +128,7 @@ def _moves_without(assembly: Assembly, members: list[int], dofs: list[int], one:
     rest.place(pose)
     names = {assembly.equalities[member].name for member in members if member != one}
     left = [place for place, equality in enumerate(rest.equalities) if equality.name in names]
-    return any(True for _ in _reached(rest, _motions(rest, left, dofs, pose), pose))
+    return any(True for _ in reached_from(rest, admitted(rest, left, dofs, pose), pose))
 
 
 def _rank_of(assembly: Assembly, members: list[int], pose: np.ndarray) -> int:
@@ -139,7 +139,7 @@ def _rank_of(assembly: Assembly, members: list[int], pose: np.ndarray) -> int:
     return spectrum(np.linalg.svd(scaled[rows], compute_uv=False)).rank
 
 
-def _motions(assembly: Assembly, members: list[int], dofs: list[int], pose: np.ndarray) -> np.ndarray:
+def admitted(assembly: Assembly, members: list[int], dofs: list[int], pose: np.ndarray) -> np.ndarray:
     """A basis (dof, nv) of the velocities that the rows of some equalities admit to the joints of their group."""
     assembly.place(pose)
     rows = assembly.jacobian()[assembly.rows_of_all(members)][:, dofs]

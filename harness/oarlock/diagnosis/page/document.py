@@ -14,6 +14,7 @@ from oarlock.diagnosis.runs.row_law import CAUSES
 from oarlock.diagnosis.runs.trials import Trial
 from oarlock.diagnosis.verdict.answer import answer
 from oarlock.diagnosis.verdict.findings import Finding
+from oarlock.diagnosis.verdict.ranks import hanging
 from oarlock.mechanics.flexes import flex_names
 from oarlock.tables.provenance import occasion, versions
 
@@ -183,6 +184,7 @@ def _recipe(exam: Examination) -> dict[str, Any] | None:
         "target": recipe.target,
         "outcome": recipe.outcome,
         "reason": recipe.reason,
+        "untried": recipe.untried,
         "mjcf": recipe.mjcf,
         "authored": _trial(recipe.authored),
         "chosen": _trial(recipe.chosen),
@@ -201,6 +203,7 @@ def _reactions(exam: Examination) -> list[dict[str, Any]]:
             "names": one.names,
             "between": one.bodies,
             "verdict": one.verdict,
+            "by_a_small_number": not hanging(exam).isdisjoint(one.names),
             "force": None if one.force is None else str(one.force),
             "torque": None if one.torque is None else str(one.torque),
         }

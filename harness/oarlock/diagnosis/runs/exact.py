@@ -3,7 +3,7 @@
 Minimum-norm multipliers, positions and velocities projected after every step; on the native path where it can be taken.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -112,6 +112,7 @@ def record_exact(
     steps: int,
     *,
     act: np.ndarray | None = None,
+    start_s: float = 0.0,
 ) -> ExactRun:
     """Runs the exact solution from a closed start.
 
@@ -124,6 +125,7 @@ def record_exact(
         laws: as of ``recording.record``.
         steps: how many.
         act: activations at the start, (na); zero if left out.
+        start_s: what the time at the start is called, s: laws begin there at 0.
 
     Raises:
         InputError: no equality row, or one whose J̇v is not known.
@@ -136,7 +138,7 @@ def record_exact(
         set_integrator(own, SUBSTITUTE.name)
         note = f"{SUBSTITUTE} in place of {asked}"
         note += f", for the model has {model.na} actuator activation(s)" if stuck else ""
-    first = _record(own, start, laws, steps, note)
+    first = _record(own, start, laws, steps, note, start_s=start_s)
     if (
         _trusted(first)
         or first.end.how == "refused"
@@ -148,7 +150,7 @@ def record_exact(
     own.opt.timestep /= FINER
     why = "it is too far off" if first.end.how == "finished" else f"it was lost at t = {first.end.time_s:.6g} s"
     again = f"at a tenth of the timestep: with {first.integrator} at the whole one {why}"
-    finer = _record(own, start, laws, steps, f"{note}; {again}" if note else again, FINER)
+    finer = _record(own, start, laws, steps, f"{note}; {again}" if note else again, FINER, start_s=start_s)
     return finer if _trusted(finer) else first
 
 
@@ -157,7 +159,16 @@ def _trusted(run: ExactRun) -> bool:
     return run.end.how == "finished" and not run.doubt and float(run.error.max(initial=0.0)) <= ERROR_BOUND
 
 
-def _record(own: mujoco.MjModel, start: Start, laws: dict[str, str], steps: int, note: str, parts: int = 1) -> ExactRun:
+def _record(
+    own: mujoco.MjModel,
+    start: Start,
+    laws: dict[str, str],
+    steps: int,
+    note: str,
+    parts: int = 1,
+    *,
+    start_s: float = 0.0,
+) -> ExactRun:
     """A run of a model's own integrator and timestep, of which every ``parts``-th step is kept, ``steps`` in all."""
     data = mujoco.MjData(own)
     data.qpos[:], data.qvel[:] = start.qpos, start.qvel
@@ -172,7 +183,8 @@ def _record(own: mujoco.MjModel, start: Start, laws: dict[str, str], steps: int,
     rows = _Rows(own, layout, steps, driven)
     for chunk in table.chunks(("step", *_FIGURES)):
         rows.take(chunk.filter(pl.col("step") % parts == 0))
-    return rows.run(integrator_of(own).name, note, parts * own.opt.timestep, _end(ending, prepared, parts))
+    run = rows.run(integrator_of(own).name, note, parts * own.opt.timestep, _end(ending, prepared, parts))
+    return replace(run, time=run.time + start_s, end=replace(run.end, time_s=run.end.time_s + start_s))
 
 
 class _Rows:

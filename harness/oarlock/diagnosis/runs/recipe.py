@@ -85,6 +85,7 @@ class Recipe:
         outcome: ``holds``: as authored already; ``reached``: with ``chosen``; ``not-reached``: ``chosen`` is the best;
             ``undecided``: the budget ended the search before that, and ``chosen`` is the best so far.
         reason: in words: what was needed, or what stands in the way.
+        untried: of settings that hold, what was not tried, in words; empty where all was.
         authored: the run as authored.
         chosen: the run with the settings that are recommended, from the user's start.
         verified: runs with the same settings from disturbed starts.
@@ -103,6 +104,7 @@ class Recipe:
     conserving: Trial | None
     trials: list[Trial]
     starved: "Starved | None" = None
+    untried: str = ""
 
     @property
     def reached(self) -> bool:
@@ -209,7 +211,7 @@ class _Search:
     def run(self, seeds: tuple[int, ...]) -> Recipe:
         authored = self._make("as authored", Setting.authored(self._model), self._start)
         starts = [found for seed in seeds if (found := disturbed(self._model, self._start, seed)) is not None]
-        untried = "; not tried from a disturbed start" if seeds and not starts else ""
+        untried = ["not tried from a disturbed start"] if seeds and not starts else []
         try:
             outcome, reason, chosen = self._decide(authored, starts)
         except CutShortError as error:
@@ -217,15 +219,15 @@ class _Search:
             reason = f"{error}; {self._so_far(chosen, starts)}"
         conserving = None
         if outcome in ("holds", "reached"):
-            reason += untried
             try:
                 conserving = self._conserving(chosen)
             except CutShortError as error:
-                reason += f"; {error}, before a run that loses less was looked for"
-        verified = self._tried(chosen.setting, starts)
-        return Recipe(
-            self._target, outcome, reason, authored, chosen, verified, conserving, self._trials, self._starved
-        )
+                untried.append(f"{error}, before a run that loses less was looked for")
+        else:
+            untried = []
+        verified, every = self._tried(chosen.setting, starts), self._trials
+        found = self._target, outcome, reason, authored, chosen, verified, conserving, every, self._starved
+        return Recipe(*found, untried="; ".join(untried))
 
     def _decide(self, authored: Trial, starts: list[Start]) -> tuple[Outcome, str, Trial]:
         """The outcome, the reason, and the trial that is chosen."""

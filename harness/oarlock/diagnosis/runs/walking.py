@@ -79,6 +79,7 @@ class StatesWalker:
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, states: StateLog):
         self.data, self.strayed = data, list[float]()
         self._own, self._states, self._at = MujocoWalker(model, data), states, 0
+        data.time = states.start_s
         self._apart = np.zeros(model.nv)
         self._place()
 

@@ -9,6 +9,7 @@ from oarlock.diagnosis.runs.drifts import Drift
 from oarlock.diagnosis.verdict.blame import held, with_armature
 from oarlock.diagnosis.verdict.cost import metres, named
 from oarlock.diagnosis.verdict.findings import Finding, worst_first
+from oarlock.diagnosis.verdict.motions import stands
 
 _BECAUSE = {
     "D1": "MuJoCo's constraints are springs, and the load pulls it apart",
@@ -20,8 +21,11 @@ _BECAUSE = {
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
-_BEYOND = ("A2", "A3", "A5", "C3", "C4", "C5", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
+BEYOND = ("A2", "A3", "A5", "A6", "A7", "C3", "C4", "C5", "L6", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
 """What no settings mend: something else in the file has to be another one."""
+
+UNMOVED = ("A6", "L6")
+"""What is wrong however well the loops hold: the mechanism does not do what it is told, or drawn, to do."""
 
 _PREDICATES = ("is ", "opens ", "stands ", "stays ", "cannot ", "gives ")
 """How a line begins of which the element is the subject."""
@@ -37,15 +41,20 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
     if worst is None:
         return _own(ordered[0]) if ordered else "Nothing is known of its loops."
     holds = worst.largest <= exam.target
-    if bad and (not holds or bad[0].severity == "error"):
-        why = _cause(worst, bad)
-        said = _own(why) if why.code not in _BECAUSE else f"{_opens(exam, worst)}: {_BECAUSE[why.code]}"
+    if bad and (not holds or bad[0].severity == "error" or bad[0].code in UNMOVED):
+        why = bad[0] if bad[0].code in UNMOVED else _cause(worst, bad)
+        said = _own(why) if why.code not in _BECAUSE else f"{_opens(worst)}: {_BECAUSE[why.code]}"
         if why.code == "D1" and exam.rotors is not None and worst.equality in exam.rotors.left:
             said += f"; {with_armature(exam.rotors, worst.equality)}"
-        return said if why.code in _BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
+        return said if why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
+    if holds and stands(exam):
+        return (
+            "Nothing of its loops moves in this run, so that how they hold is not seen: give it a start with a "
+            "velocity (--keyframe), or controls (--controls, --control)"
+        )
     if holds:
-        return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(exam, worst, 'at most ')}"
-    return f"{_opens(exam, worst)}{_mended(exam)}"
+        return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(worst, 'at most ')}"
+    return f"{_opens(worst)}{_mended(exam)}"
 
 
 def _own(finding: Finding) -> str:
@@ -68,9 +77,8 @@ def _cause(worst: Drift, bad: Sequence[Finding]) -> Finding:
     return max((*own[:1], bad[0]), key=lambda one: one.cost)
 
 
-def _opens(exam: Examination, worst: Drift, most: str = "") -> str:
-    parts = [figure(value, unit) for value, unit in ((worst.metres, "m"), (worst.radians, "rad")) if value is not None]
-    return f"{quoted(worst.equality)} opens by {most}{' and '.join(parts)} at t = {worst.time_s:.4g} s"
+def _opens(worst: Drift, most: str = "") -> str:
+    return f"{quoted(worst.equality)} opens by {most}{worst.at}"
 
 
 def _mended_alone(exam: Examination, what: str) -> str:
@@ -92,4 +100,5 @@ def _mended(exam: Examination, what: str = "it") -> str:
     left = max([recipe.chosen, *recipe.verified], key=lambda one: one.drift)
     whence = "from the closed start, " if exam.pose is not None and not exam.pose.consistent else ""
     most = "opens by at most" if what == "it" else "opens by more than"
-    return f"; {whence}with {recipe.reason} {what} {most} {held(left)}"
+    untried = f", {recipe.untried}" if recipe.untried else ""
+    return f"; {whence}with {recipe.reason} {what} {most} {held(left)}{untried}"

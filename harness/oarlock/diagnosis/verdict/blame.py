@@ -12,6 +12,7 @@ from oarlock.base.numbers import finite, percent
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.lint.locked import how_bad
+from oarlock.diagnosis.lint.view import Remark
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
 from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
@@ -78,7 +79,7 @@ def drift(exam: Examination) -> Iterator[Finding]:
     if exam.attribution is None or exam.recording is None:
         return
     recording, groups = exam.recording, _groups(exam)
-    beyond = _beyond_repair(exam)
+    beyond = beyond_repair(exam)
     causes: dict[tuple[str, int], list[tuple[Share, Drift, Part]]] = {}
     for share in exam.attribution.shares:
         worst = position(exam, share.name)
@@ -210,7 +211,7 @@ def _groups(exam: Examination) -> dict[str, int]:
     return {loop.name: loop.group for loop in exam.pose.loops.loops} if exam.pose else {}
 
 
-def _beyond_repair(exam: Examination) -> set[str]:
+def beyond_repair(exam: Examination) -> set[str]:
     """Equalities whose drift says nothing: of groups that cannot be closed or are torn, and of runs that diverge."""
     groups, found_ = _groups(exam), set()
     if not exam.closed and exam.pose is not None:
@@ -224,10 +225,14 @@ def _beyond_repair(exam: Examination) -> set[str]:
             found_ |= set(groups)
     if exam.dead_point is not None:  # torn: all that follows is the motion of another mechanism
         found_ |= set(exam.dead_point.equalities)
-    lints = ("contradictory", "opposed", "pin")
-    wrong = [one for lint in lints for one in exam.remarks.get(lint, []) if one.severity is None]
-    locked = {groups.get(name) for one in wrong for name in (one.element, *one.figures["also"])}
+    locked = {groups.get(name) for one in _wrong(exam) for name in (one.element, *one.figures["also"])}
     return found_ | {name for name, group in groups.items() if group in locked}
+
+
+def _wrong(exam: Examination) -> list[Remark]:
+    """What no stiffness cures: couplings and pins that lock their loops."""
+    lints = ("contradictory", "opposed", "pin")
+    return [one for lint in lints for one in exam.remarks.get(lint, []) if one.severity is None]
 
 
 def _figures(share: Share, worst: Drift) -> dict[str, float | str | None]:
@@ -373,8 +378,12 @@ def remedy(exam: Examination) -> Iterator[Finding]:
     if recipe.conserving is not None:
         least = recipe.conserving
         said += f"; {least.label} leaves an energy error of {least.energy_error:.2g} J, at {_cost(least)}"
+    if recipe.untried:
+        said += f"; {recipe.untried}"
     if _jammed(exam):
         said += "; what is locked (S3) then stands still"
+    elif codes := sorted({one.code for one in _wrong(exam)}):
+        said += f"; what contradicts itself ({few(codes)}) then stands still"
     yield found("T1", exam.file, said, **figures)
 
 
@@ -406,9 +415,12 @@ def above(exam: Examination, bound: float) -> Iterator[Finding]:
     expected = f"expected at most {bound:g} (m, rad)"
     for one in sorted(exam.drifts, key=lambda one: one.largest if one.largest == one.largest else np.inf, reverse=True):
         if one.level == "position" and not one.largest <= bound:
-            parts = [(one.metres, "m"), (one.radians, "rad")]
-            said = " and ".join(f"{value:.3g} {unit}" for value, unit in parts if value is not None and value > bound)
-            line = f"drifts {said or 'beyond all numbers'} at t = {one.time_s:.4g} s, {expected}"
+            parts = [(one.metres, "m", one.metres_s), (one.radians, "rad", one.radians_s)]
+            beyond = [
+                (f"{value:.3g} {unit}", time) for value, unit, time in parts if value is not None and value > bound
+            ]
+            said = " and ".join(f"{value} at t = {time:.4g} s" for value, time in beyond)
+            line = f"drifts {said or f'beyond all numbers at t = {one.time_s:.4g} s'}, {expected}"
             yield found("D7", exam.file, line, element=one.equality, drift=finite(one.largest), bound=bound)
     if exam.recording is None:
         yield found(

@@ -13,7 +13,7 @@ from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
 
-_CAUSES = ("A1", "A2", "A3", "A4", "A5", "C2", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
+_CAUSES = ("A1", "A2", "A3", "A4", "A5", "A7", "C2", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
 
@@ -100,6 +100,11 @@ def _figure(name: str) -> Callable[[Examination, Finding], float]:
     return lambda exam, finding: _turned(exam, finding, finding.figures.get(name))
 
 
+def _apart(exam: Examination, finding: Finding) -> float:
+    """What the sides of an equality that is switched off part by."""
+    return metres(exam, finding.figures.get("apart_m"), finding.figures.get("apart_rad"))
+
+
 def _whole(exam: Examination, finding: Finding) -> float:
     """All that the equalities that are named open by."""
     names = named(finding)
@@ -115,14 +120,17 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "D6": _solver,
     "A2": _whole,
     "A3": _whole,
+    "A7": _whole,
     "L13": _whole,
     "D8": _whole,
     "S3": _whole,
     "S7": _whole,
     "C2": _lag,
     "A5": _collision,
+    "A6": _figure("short"),
     "C4": _collision,
     "C5": _collision,
+    "L6": _apart,
     "S1": _opened,
     "S2": _figure("gap"),
     "S4": _figure("left"),

@@ -1,7 +1,9 @@
 """From what a run does to findings: dead points, branches, steps that are too long, what lasts, starved solvers."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+
+import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
@@ -12,6 +14,8 @@ from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.verdict.blame import held, in_words
 from oarlock.diagnosis.verdict.causes import CAUSE
 from oarlock.diagnosis.verdict.findings import Finding, found
+from oarlock.diagnosis.verdict.ranks import doubtful
+from oarlock.stepping.state import STILL
 
 
 def dead_point(exam: Examination) -> Iterator[Finding]:
@@ -38,12 +42,6 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
         torn=one.torn.largest,
         also=[name for name in one.equalities if name != one.equality],
     )
-
-
-def doubtful(exam: Examination, equalities: Iterable[str]) -> bool:
-    """Whether the rank of their loops hangs on a small number (L8): what they then admit is an accident of the file."""
-    named = {name for one in exam.remarks.get("doubtful", []) for name in (one.element, *one.figures.get("also", ()))}
-    return not named.isdisjoint(equalities)
 
 
 def _coordinate(value: float, unit: str) -> str:
@@ -96,6 +94,22 @@ def pace(exam: Examination) -> Iterator[Finding]:
         force=one.force if one.driver else None,
         also=blamed[1:],
     )
+
+
+def stands(exam: Examination) -> bool:
+    """Whether no joint of the loops moves in MuJoCo's run."""
+    recording, pose = exam.recording, exam.pose
+    if recording is None or pose is None or recording.steps < 2 or recording.end.how != "finished":
+        return False
+    dofs = sorted({dof for number in range(len(pose.loops.groups)) for dof in pose.loops.dofs(number)})
+    ways = np.abs(recording.qvel[:, dofs]).sum(axis=0) * recording.timestep_s
+    return bool(dofs) and float(ways.max()) <= STILL
+
+
+def still(exam: Examination) -> Iterator[Finding]:
+    """R4: a run in which nothing of the loops moves."""
+    if stands(exam):
+        yield found("R4", exam.file, "no joint of its loops moves in this run: how they hold in a motion is not seen")
 
 
 def overdriven(exam: Examination) -> Iterator[Finding]:

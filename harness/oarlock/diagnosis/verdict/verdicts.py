@@ -18,15 +18,17 @@ from oarlock.diagnosis.lint import locked, opened
 from oarlock.diagnosis.lint.servo import UNSTABLE
 from oarlock.diagnosis.loops.loops import Dependency, Group
 from oarlock.diagnosis.loops.poses import ClosedPose
+from oarlock.diagnosis.runs.parted import Parted
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.runs.without import FINEST, PARTS
-from oarlock.diagnosis.verdict import blame, motions
+from oarlock.diagnosis.verdict import blame, motions, ranks, unmoved
 from oarlock.diagnosis.verdict.blame import in_words, merged
-from oarlock.diagnosis.verdict.cost import priced
+from oarlock.diagnosis.verdict.cost import named, priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics.engine_version import SPARSE_NEWTON_ERRS
+from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import element_name
 
 _PAIRS = 3
@@ -64,12 +66,15 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         motions.lasting,
         _settings,
         _run,
+        motions.still,
         motions.pace,
         motions.overdriven,
+        unmoved.stuck,
         blame.drift,
         motions.unfed,
         blame.energy,
         blame.remedy,
+        ranks.flips,
         _motion,
         _reactions,
         _loops,
@@ -91,7 +96,7 @@ def _lint(exam: Examination) -> Iterator[Finding]:
         line, severity, figures = remark.line, remark.severity, remark.figures
         if remark.code == "A1" and severity is None and exam.recording is not None:
             line, severity = _shaking(exam.recording, line)
-        if remark.code == "A4" and exam.recording is not None and exam.recording.end.how == "diverged":
+        if remark.code in ("A4", "A7") and exam.recording is not None and exam.recording.end.how == "diverged":
             severity = "error"
         yield found(remark.code, exam.file, line, element=remark.element, severity=severity, **figures)
 
@@ -133,13 +138,17 @@ def _loops(exam: Examination) -> Iterator[Finding]:
         own = "" if data.eq_active[index] else 'active="false"'
         by = " and ".join(part for part in (own, flag) if part)
         name = element_name(model, _EQUALITY, index)
-        yield found("L6", file, f"is switched off by {by}: nothing here counts it", element=name)
+        apart = next((one for one in exam.parted if one.equality == name and own and not flag), None)
+        if apart is None:
+            yield found("L6", file, f"is switched off by {by}: nothing here counts it", element=name)
+        else:
+            yield _parted(file, apart)
+    if flag or not _rows(exam):
+        yield found("L1", file, _no_row(model, idle, flag), equalities=model.neq)
+        return
     if exam.pose is None:
         return
     loops = exam.pose.loops
-    if flag or loops.rank == 0:
-        yield found("L1", file, _no_row(model, idle, flag), equalities=model.neq)
-        return
     for loop in loops.loops:
         if loop.zero_rows:
             planar = loops.groups[loop.group].shape == "planar"
@@ -168,6 +177,28 @@ def _loops(exam: Examination) -> Iterator[Finding]:
             said = f"could be left out, and the mechanism would move the same way{one_of}"
             yield found("L7", file, said, element=own[0], also=own[1:])
         yield from _dependent(exam, group, set(own))
+
+
+def _rows(exam: Examination) -> bool:
+    """Whether some row of an equality holds anything."""
+    if exam.pose is not None:
+        return exam.pose.loops.rank > 0
+    data = mujoco.MjData(exam.model)
+    data.qpos[:] = exam.qpos
+    with collected_warnings():  # what MuJoCo's memory does not suffice for, the run tells
+        mujoco.mj_fwdPosition(exam.model, data)
+    return data.ne > 0  # MuJoCo leaves out an equality whose rows are zero
+
+
+def _parted(file: str, apart: Parted) -> Finding:
+    wide, held = apart.opening, apart.held
+    said = (
+        f'is switched off by active="false": its sides, together at the start, part by {wide} at t = {apart.at_s:.4g} s'
+    )
+    if held is not None:
+        said += f"; switched on it opens by at most {held}"
+    figures = {"apart_m": wide.metres, "apart_rad": wide.radians, "time_s": apart.at_s}
+    return found("L6", file, said, element=wide.equality, severity="warning", **figures)
 
 
 def _no_row(model: mujoco.MjModel, idle: Sequence[int], flag: str) -> str:
@@ -409,6 +440,7 @@ def _reactions(exam: Examination) -> Iterator[Finding]:
     if exam.reactions is None or not exam.closed:
         return
     together = {name for one in exam.reactions.together if one.unique for name in one.names}
+    hanging = ranks.hanging(exam)
     for one in exam.reactions.equalities:
         if one.unique:
             continue
@@ -418,6 +450,8 @@ def _reactions(exam: Examination) -> Iterator[Finding]:
             said = ["its multiplier is not unique"]
         if together & set(one.names):
             said.append("the sum with those between the same bodies is unique")
+        if hanging & set(one.names):
+            said.append("it hangs on a small number (L8)")
         yield found("U1", exam.file, "; ".join(said), element=one.names[0], verdict=one.verdict)
     for beside in exam.recording.beside if exam.recording else ():
         said = f"not unique beside {few(list(beside.others), last='')}"
@@ -427,7 +461,9 @@ def _reactions(exam: Examination) -> Iterator[Finding]:
 def _motion(exam: Examination) -> Iterator[Finding]:
     if exam.history is None:
         return
-    singular = [event for event in exam.history.events if event.kind == "singular"]
+    flipping = {name for one in ranks.flips(exam) for name in named(one)}  # no pose is singular there (L14)
+    events = [event for event in exam.history.events if flipping.isdisjoint(event.equalities)]
+    singular = [event for event in events if event.kind == "singular"]
     for event in singular[:1]:
         more = {0: "", 1: " and once more"}.get(len(singular) - 1, f" and {len(singular) - 1} more times")
         others = f"with {in_words(list(event.equalities[1:]))}, " if event.equalities[1:] else ""
@@ -435,7 +471,7 @@ def _motion(exam: Examination) -> Iterator[Finding]:
         said += f" at t = {event.time_s:.6g} s{more}"
         times = ", ".join(f"{one.time_s:.10g}" for one in singular)
         yield found("L5", exam.file, said, element=event.equalities[0], also=list(event.equalities[1:]), times_s=times)
-    near = [event for event in exam.history.events if event.kind == "near"]
+    near = [event for event in events if event.kind == "near"]
     for event in sorted(near, key=lambda event: event.smallest)[:1]:
         said = f"at t = {event.time_s:.4g} s the smallest singular value falls to {event.smallest:.2g} of its median"
         if len(near) > 1:

@@ -21,10 +21,7 @@ def drift(exam: Examination) -> Chapter:
     positions = [one for one in exam.drifts if one.level == "position"]
     if positions:
         worst = max(positions, key=lambda one: np.nan_to_num(one.largest))
-        chapter.say(
-            f"MuJoCo as configured; the worst: {quoted(worst.equality)} opens by {_of(worst.metres, worst.radians)} at "
-            f"t = {worst.time_s:.6g} s."
-        )
+        chapter.say(f"MuJoCo as configured; the worst: {quoted(worst.equality)} opens by {worst.at}.")
     end = exam.recording.end
     if end.how != "finished":
         chapter.say(f"MuJoCo's run ended at t = {end.time_s:.6g} s of {exam.duration_s:g} s: {end.message}.")
@@ -62,11 +59,6 @@ def _short(drifts: list[Drift]) -> Table:
         rates = [figure(level[name].largest if name in level else None) for level in (velocity, acceleration)]
         rows.append((name, figure(one.metres), figure(one.radians), f"{one.time_s:.6g}", figure(exact), *rates))
     return Table("drift", ("equality", "m", "rad", "at s", "exact", "per s", "per s²"), rows)
-
-
-def _of(metres: float | None, radians: float | None) -> str:
-    parts = [figure(value, unit) for value, unit in ((metres, "m"), (radians, "rad")) if value is not None]
-    return " and ".join(parts) or "nothing"
 
 
 def _exact(exam: Examination, chapter: Chapter) -> None:

@@ -7,6 +7,7 @@ from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import counted, lower, many, why_not
 from oarlock.diagnosis.page.document import largest
+from oarlock.diagnosis.verdict.ranks import hanging
 
 _EARLY = "MuJoCo until then"
 
@@ -122,7 +123,9 @@ def _peak(wrench: Wrench | None, part: str, name: str, end: int | None, steps: i
 
 
 def _verdict(exam: Examination, one: Reaction) -> str:
-    """Unique in the mechanism alone is not so beside what shares the load."""
+    """Unique in the mechanism alone is not so beside what shares the load, nor where a small number decides."""
+    if not hanging(exam).isdisjoint(one.names):
+        return f"{one.verdict}, by a small number (L8)"
     shared = {beside.equality for beside in exam.recording.beside} if exam.recording else set()
     alone = one.verdict == "unique" and one.owner == "equality" and one.names[0] in shared
     return "unique, not beside others (U3)" if alone else one.verdict

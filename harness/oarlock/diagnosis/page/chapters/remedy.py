@@ -57,11 +57,12 @@ def _outcome(exam: Examination, recipe: Recipe) -> str:
     wanted = f"the wanted {figure(recipe.target)} m or rad"
     if exam.options.target is None:
         wanted += f" ({TARGET:g} of the loops' {figure(exam.size, 'm')})"
+    untried = f"; {recipe.untried}" if recipe.untried else ""
     drifted = "diverges" if not np.isfinite(recipe.chosen.drift) else f"opens by {_drifted(recipe.chosen)}"
     return {
-        "holds": f"It holds {wanted} as it stands: it {drifted}; {recipe.reason}.",
+        "holds": f"It holds {wanted} as it stands: it {drifted}; {recipe.reason}{untried}.",
         "reached": f"It holds {wanted} with {recipe.reason}: it {drifted}, at {figure(recipe.chosen.cost)} times the "
-        f"cost; as authored it opens by {_drifted(recipe.authored)}.",
+        f"cost; as authored it opens by {_drifted(recipe.authored)}{untried}.",
         "not-reached": f"Nothing that was tried holds {wanted}: {recipe.reason}. The best of the runs {drifted}.",
         "undecided": f"Whether anything holds {wanted} is not decided: {recipe.reason}. The best so far {drifted}.",
     }[recipe.outcome]
