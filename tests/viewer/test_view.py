@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from browser import WEBGL, Browser, executable
+from browser import WEBGL
 from oarlock.base.errors import InputError
 from oarlock.diagnosis.checked import begun, parts
 from oarlock.diagnosis.loops.wrenches import wrenches
@@ -333,14 +333,7 @@ def test_bad_input_is_one_line(oarlock_here, arguments, said):
 # A real browser.
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if executable() is None:
-        pytest.skip("there is no Chromium")
-    browser = Browser(tmp_path_factory.mktemp("browser"), *WEBGL)
-    yield browser
-    browser.close()
-
+BROWSER_FLAGS = WEBGL
 
 COLOURS = """(() => {
   const gl = viewer.renderer.getContext(), [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];

@@ -9,7 +9,6 @@ import xml.etree.ElementTree as ElementTree
 import mujoco
 import numpy as np
 import pytest
-from browser import Browser, executable
 from markdown_it import MarkdownIt
 from oarlock import InputError
 from oarlock.base.numbers import figure
@@ -400,15 +399,6 @@ def test_a_report_takes_the_place_of_the_old_one_and_of_nothing_else(four_bar, t
 
 
 # A real browser.
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if executable() is None:
-        pytest.skip("there is no Chromium")
-    browser = Browser(tmp_path_factory.mktemp("browser"))
-    yield browser
-    browser.close()
 
 
 MOVING = "[...document.querySelectorAll('#stage path.body')].map(path => path.getAttribute('d')).join()"
