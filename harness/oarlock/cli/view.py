@@ -14,7 +14,13 @@ from oarlock.diagnosis.options import CheckOptions
 
 @ends()
 def view(
-    file: Annotated[str, typer.Argument(metavar="FILE.xml", help="MJCF with loops closed by equalities, or a MODEL.")],
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE.xml|RESULTS",
+            help="MJCF with loops closed by equalities, a MODEL, or a folder that 'oarlock run --out' wrote.",
+        ),
+    ],
     keyframe: KeyframeOption = None,
     controls: ControlsOption = None,
     control: ControlOption = None,
@@ -25,6 +31,10 @@ def view(
     ignore_inequalities: Annotated[
         bool, typer.Option("--ignore-inequalities", help="Without contacts, limits and friction.")
     ] = False,
+    model: Annotated[
+        str | None,
+        typer.Option(metavar="FILE.xml", help="Of RESULTS: their model, where it is no longer where it was."),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -39,9 +49,11 @@ def view(
 
     One HTML file, which needs no net and no server: it can be kept, sent and put beside a report.
     """
-    from oarlock.viewer.page import write
-    from oarlock.viewer.show import show
+    from oarlock.viewer.page import require_page
+    from oarlock.viewer.session import view as look
 
+    if out is not None:
+        require_page(out)
     options = CheckOptions(
         keyframe=keyframe,
         controls=controls,
@@ -51,12 +63,11 @@ def view(
         timestep=timestep,
         integrator=integrator,
         ignore_inequalities=ignore_inequalities,
-        budget=0.0,
     )
-    shown = show(file, options)
+    viewed = look(file, options, model_file=model)
     path = out or _temporary(file)
-    size = write(shown, path)
-    for note in [] if quiet else shown.notes:
+    size = viewed.write(path)
+    for note in [] if quiet else viewed.notes:
         say(f"oarlock: {note}")
     print(f"{path} ({size / 1e6:.1f} MB)")
     if out is None and not no_open and not _opened(path):

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from oarlock.cases.case import Case
+from oarlock.cases.case import MODELS, Case
 from oarlock.cases.claims import load_claims
 from oarlock.cases.judging import Gate
 from oarlock.mechanics.names import coordinates, equalities
@@ -32,13 +32,16 @@ def describe(setup: PreparedCase) -> dict[str, Any]:
 def case_document(case: Case, model: dict[str, Any]) -> dict[str, Any]:
     """The contents of ``case.json``: the case with the description of its model and the claims of its paper.
 
+    ``model_file`` is where its model was; None of one that comes with oarlock, which its name finds.
+
     Raises:
         InputError: the file of the claims is missing or malformed.
     """
     contents = {**case.file.model_dump(), "expect": case.expected(), "parameters": case.parameters}
     if contents["paper"]:
         contents["paper"]["claims"] = [claim.model_dump() for claim in load_claims(case)]
-    return {"name": case.name, "model": model, **contents}
+    place = None if case.model_path.resolve().is_relative_to(MODELS.resolve()) else str(case.model_path.resolve())
+    return {"name": case.name, "model_file": place, "model": model, **contents}
 
 
 def expectations(case: Case, model: dict[str, Any]) -> list[Verdict]:

@@ -9,7 +9,7 @@ the body is drawn to its own end, and a dotted line joins that to the point. Pos
 import html
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
@@ -17,12 +17,13 @@ import numpy as np
 from oarlock.base.numbers import figure
 from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.loops.loops import Loops
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
 from oarlock.poses.assembly import anchors
+from oarlock.poses.layout import Layout
 from oarlock.render.charts import VIEW
 
 FRAMES = 140
@@ -255,7 +256,7 @@ def motion(exam: Examination) -> Motion | None:
         beside = skeleton.read(exact.qpos[known], exact.time[known], driven)
     ended = recording.end.how == "finished"
     everything = points if ended or not len(beside) else beside
-    plane = drawing_plane(exam, everything)
+    plane = drawing_plane(exam.pose.loops if exam.pose else None, everything)
     flat = everything @ plane.T
     low, high = (np.percentile(flat.reshape(-1, 2), q, axis=0) for q in ((0, 100) if ended or len(beside) else (2, 98)))
     span = float((high - low).max()) or 1.0
@@ -285,9 +286,23 @@ def motion(exam: Examination) -> Motion | None:
     )
 
 
-def widest(recording: Recording, finite: np.ndarray) -> int:
+class Opened(Protocol):
+    """A run as far as it tells how far its rows are open."""
+
+    @property
+    def layout(self) -> Layout:
+        """The rows."""
+        ...
+
+    @property
+    def position(self) -> np.ndarray:
+        """Their deviations, (steps, rows), m or rad."""
+        ...
+
+
+def widest(run: Opened, finite: np.ndarray) -> int:
     """The step, one of some, at which a connect or weld is open furthest."""
-    layout, position = recording.layout, recording.position
+    layout, position = run.layout, run.position
     wide = np.zeros(len(finite))
     for place, equality in enumerate(layout.equalities):
         if equality.kind.joins_points:
@@ -305,9 +320,9 @@ def exaggeration(gap: float, wanted: float) -> float:
     return float(round(max(step * power for step in (1, 2, 5) if step * power <= most * (1.0 + 1e-12))))
 
 
-def drawing_plane(exam: Examination, points: np.ndarray) -> np.ndarray:
+def drawing_plane(loops: Loops | None, points: np.ndarray) -> np.ndarray:
     """Right and up of the drawing in world axes (2, 3): the plane of the loops, or the usual view."""
-    normals = [group.normal for group in exam.pose.loops.groups if group.dofs] if exam.pose else []
+    normals = [group.normal for group in loops.groups if group.dofs] if loops else []
     planar = [normal for normal in normals if normal is not None]
     if (
         planar
