@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from oarlock.cli.bar import bar
 from oarlock.cli.console import NoCodeOption, QuietOption, ends, say
 from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
 from oarlock.diagnosis.options import CheckOptions
@@ -41,6 +42,13 @@ def view(
             "--out", "-o", metavar="OUT.html", help="Write the page here [default: a temporary file, opened]."
         ),
     ] = None,
+    video: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.gif|FILE.mp4",
+            help="A video of both motions side by side; MP4 needs ffmpeg. Without --out there is no page then.",
+        ),
+    ] = None,
     no_open: Annotated[bool, typer.Option("--no-open", help="Open no browser.")] = False,
     no_code: NoCodeOption = False,
     quiet: QuietOption = False,
@@ -51,9 +59,12 @@ def view(
     """
     from oarlock.viewer.page import require_page
     from oarlock.viewer.session import view as look
+    from oarlock.viewer.video import require_video
 
     if out is not None:
         require_page(out)
+    if video is not None:
+        require_video(video)
     options = CheckOptions(
         keyframe=keyframe,
         controls=controls,
@@ -65,10 +76,16 @@ def view(
         ignore_inequalities=ignore_inequalities,
     )
     viewed = look(file, options, model_file=model)
-    path = out or _temporary(file)
-    size = viewed.write(path)
     for note in [] if quiet else viewed.notes:
         say(f"oarlock: {note}")
+    if video is not None:
+        with bar(quiet=quiet) as progress:
+            size = viewed.video(video, progress)
+        print(f"{video} ({size / 1e6:.1f} MB)")
+        if out is None:
+            return
+    path = out or _temporary(file)
+    size = viewed.write(path)
     print(f"{path} ({size / 1e6:.1f} MB)")
     if out is None and not no_open and not _opened(path):
         say(f"oarlock: no browser was found; open {path} in one")

@@ -60,6 +60,20 @@ class Viewed(Answer):
         """
         return page.write(self.shown, Path(path))
 
+    def video(self, path: str | Path, progress: Progress | None = None) -> int:
+        """Writes a video of both motions side by side, FILE.gif or FILE.mp4; gives its size in bytes.
+
+        Args:
+            path: the file; what is there is replaced.
+            progress: listens: ``advance`` gets every frame.
+
+        Raises:
+            InputError: another name, no ffmpeg for an MP4, or it cannot be written.
+        """
+        from oarlock.viewer.video import write_video
+
+        return write_video(self.shown, Path(path), progress)
+
     def document(self) -> dict[str, Any]:
         """What is shown, in words, and the drift of the frames."""
         shown = self.shown

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.base.shapes import rotated
 from oarlock.base.text import one_line
 from oarlock.diagnosis.checked import begun, parts
 from oarlock.diagnosis.examination import Examination
@@ -52,6 +53,7 @@ class Show:
 
     Attributes:
         title: of the page; head: what was run.
+        model: what is shown.
         centre: of what moves, (3), m; extent: its diameter, m; towards: from there to whoever looks, (3).
         frame: width, height and depth of what moves as it is looked at, m.
         factor: by which gaps are exaggerated at first; newton: length of an arrow for a newton, m.
@@ -61,6 +63,7 @@ class Show:
 
     title: str
     head: str
+    model: mujoco.MjModel
     scene: Scene
     film: Film
     centre: np.ndarray
@@ -202,6 +205,7 @@ def filmed(given: Footage) -> Show:
     return Show(
         title=one_line(given.title),
         head=given.head,
+        model=model,
         scene=made,
         film=moving,
         centre=0.5 * (low + high) @ axes,
@@ -226,13 +230,6 @@ def _corners(model: mujoco.MjModel, side: Side, moving: np.ndarray) -> np.ndarra
     own = model.geom_pos[geoms][:, None] + rotated(model.geom_quat[geoms][:, None], local)
     poses = side.poses[looks][:, model.geom_bodyid[geoms], None]
     return (poses[..., :3] + rotated(poses[..., 3:], own[None])).reshape(-1, 3)
-
-
-def rotated(quats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (…, 3) turned by unit quaternions (…, 4)."""
-    w, axis = quats[..., :1], quats[..., 1:]
-    twice = 2.0 * np.cross(axis, vectors)
-    return vectors + w * twice + np.cross(axis, twice)
 
 
 def _axes(right: np.ndarray, up: np.ndarray) -> np.ndarray:
