@@ -76,13 +76,12 @@ class CheckOptions:
             choose("integrator", self.integrator, RUNNING)
         if isinstance(self.hold, str):
             raise InputError(f"hold = {self.hold!r}, expected a list of joints")
-        if self.states is not None and self.motion.given:
-            raise InputError("a start or controls besides a log of states, expected one of the two: the log has both")
+        _ = self.motion
 
     @property
     def motion(self) -> Motion:
         """Where the run starts and what drives it."""
-        return Motion(self.keyframe, self.controls, self.control, self.seed)
+        return Motion(self.keyframe, self.controls, self.control, self.seed, self.states)
 
 
 def usual_target(size: float) -> float:

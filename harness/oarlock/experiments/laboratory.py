@@ -61,7 +61,7 @@ class Laboratory:
         # Not always the system's own folder: that may be memory, and where the results go there must be room anyway.
         self._spools: Spools = partial(spools, schema=SCHEMA, folder=folder)
         # It knows the case's own start only.
-        self._truth = load_truth(case) if conditions.seed is None else None
+        self._truth = load_truth(case) if conditions.seed is None and conditions.motion.states is None else None
         self._stepping = stepping
         self._setups: dict[tuple[IntegratorName, str], PreparedCase] = {}
         self._start: ConsistentStart | None = None
