@@ -5,6 +5,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.base.shapes import Mesh, Shape
+from oarlock.mechanics.drive import Drive
 
 MOST_GEOMS = 4000
 """Geoms of a model that is drawn."""
@@ -66,6 +67,29 @@ def shapes_of(model: mujoco.MjModel) -> tuple[list[Shape], list[Mesh]]:
             )
         )
     return shapes, meshes
+
+
+def body_poses(
+    model: mujoco.MjModel, qpos: np.ndarray, times: np.ndarray | None = None, driven: Drive | None = None
+) -> np.ndarray:
+    """Poses of all bodies, (n, nbody, 7): place in the world, m, and quaternion.
+
+    Args:
+        model: whose they are.
+        qpos: of the model, (n, nq).
+        times: of them, (n), s.
+        driven: what moves mocap bodies; nothing if left out.
+    """
+    data = mujoco.MjData(model)
+    found = np.zeros((len(qpos), model.nbody, 7))
+    for at, pose in enumerate(qpos):
+        data.qpos[:] = pose
+        if driven is not None and times is not None:
+            data.time = times[at]
+            driven.move(data)
+        mujoco.mj_kinematics(model, data)
+        found[at, :, :3], found[at, :, 3:] = data.xpos, data.xquat
+    return found
 
 
 def short(values: np.ndarray) -> tuple[float, ...]:

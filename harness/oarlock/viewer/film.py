@@ -9,6 +9,7 @@ import numpy as np
 from oarlock.diagnosis.page.motion import Opened, widest
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import Equality
+from oarlock.mechanics.shapes import body_poses
 from oarlock.poses.assembly import anchors
 from oarlock.poses.layout import Layout
 from oarlock.viewer.packing import packed
@@ -191,7 +192,6 @@ def _placed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Poses of bodies, middles and gaps of equalities, and ways of tendons, at poses (n, nq) and times (n), s."""
     data, count = mujoco.MjData(model), len(qpos)
-    poses = np.zeros((count, model.nbody, 7))
     ends = np.zeros((count, len(joining), 2, 3))
     ways: list[list[np.ndarray]] = []
     spatial = [
@@ -203,7 +203,6 @@ def _placed(
         data.qpos[:], data.time = pose, times[at]
         driven.move(data)
         mujoco.mj_kinematics(model, data)
-        poses[at, :, :3], poses[at, :, 3:] = data.xpos, data.xquat
         for place, equality in enumerate(joining):
             ends[at, place] = anchors(model, data, equality)
         if spatial:
@@ -215,7 +214,7 @@ def _placed(
     for at, frame in enumerate(ways if width else []):
         for place, way in enumerate(frame):
             tendons[at, place, : len(way)], tendons[at, place, len(way) :] = way, way[-1] if len(way) else 0.0
-    return poses, ends.mean(axis=2), ends[:, :, 0] - ends[:, :, 1], tendons
+    return body_poses(model, qpos, times, driven), ends.mean(axis=2), ends[:, :, 0] - ends[:, :, 1], tendons
 
 
 def _way(data: mujoco.MjData, tendon: int) -> np.ndarray:

@@ -418,6 +418,9 @@ def test_a_browser_draws_every_figure_and_says_nothing(browser, pages, name):
     assert before.count("M") >= len(moving["bodies"])
     browser.wait(f"{MOVING} !== {json.dumps(before)}")
     assert int(browser.ask("document.getElementById('time').value")) >= 0
+    solids = "document.querySelectorAll('#stage svg')[%d].querySelectorAll('.solids polygon').length"
+    counts = [{len(frame) for frame in side["solids"]} for side in moving["sides"]]
+    assert all(browser.ask(solids % number) in count for number, count in enumerate(counts))
     assert browser.said == []
     assert browser.asked == [(pages[name] / "index.html").resolve().as_uri()]
 
