@@ -304,3 +304,23 @@ def test_a_file_that_is_no_model_is_named(tmp_path):
             close_loops(written(tmp_path, text, "bad.urdf"), tmp_path / "out.xml", [("a", "b")])
         assert str(tmp_path / "bad.urdf") in str(raised.value)
     assert [path.name for path in Path(tmp_path).iterdir()] == ["bad.urdf"]
+
+
+@pytest.mark.parametrize("kind", ["connect", "hinge", "weld"])
+def test_servos_hold_the_closed_pose(tmp_path, kind):
+    """Of a file without a keyframe: at rest in the new one no servo pulls, within its range; a motor has no control."""
+    servos = """<actuator><position name="s" joint="{joint}" kp="50"/><motor name="m" joint="{joint}"/>
+      <position name="short" joint="{joint}" kp="9" gear="2" ctrlrange="-.001 .001"/></actuator>"""
+    source = written(tmp_path)
+    out = tmp_path / "out.xml"
+    moved = close_loops(source, out, [TIPS], kind=kind).pose.moved_joint
+    (joint,) = (one.name for one in mujoco.MjSpec.from_file(str(source)).joints if one.name and one.name in moved)
+    source.write_text(source.read_text().replace("</mujoco>", servos.format(joint=joint) + "</mujoco>"))
+    close_loops(source, out, [TIPS], kind=kind)
+    model, data = in_keyframe(out)
+    mujoco.mj_forward(model, data)
+    assert data.joint(joint).qpos[0] != 0.0
+    assert data.actuator("s").force[0] == pytest.approx(0.0, abs=1e-12)
+    assert data.ctrl[0] == pytest.approx(data.joint(joint).qpos[0])
+    assert data.ctrl[1] == 0.0
+    assert abs(data.ctrl[2]) == pytest.approx(0.001)

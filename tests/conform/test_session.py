@@ -108,6 +108,14 @@ def test_changes_between_versions_are_told_by_cause(compared):
     assert changes(compared.rows[1:] * 2) == ["nothing changed for tiny in the first 2 s"]
 
 
+def test_one_version_has_nothing_to_be_compared_with(compared):
+    (line,) = changes(compared.rows[1:])
+    assert line == "nothing to compare for tiny: true alone answered, expected two or more"
+    other = [{**row, "model": "two"} for row in compared.rows[1:] * 2]
+    assert changes([*compared.rows[1:], *other]) == ["nothing changed for two in the first 2 s", line]
+    assert changes([]) == []
+
+
 def test_the_page_the_matrix_and_the_badge(compared, tmp_path):
     document = compared.document()
     target = write_page(document, tmp_path / "page")
@@ -204,6 +212,9 @@ def test_the_command_versions(model, tmp_path, monkeypatch, oarlock_here):
     assert done.returncode == 0, done.stderr
     assert "largest |efc_pos|" in done.stdout
     assert "nothing changed for tiny in the first 2 s" in done.stdout
+    quiet = oarlock_here("versions", model, "--mujoco", "1.0", "--states", STATES, "--jobs", 1, "-q", "--fresh")
+    assert (quiet.returncode, quiet.stderr) == (0, "")
+    assert "nothing to compare for tiny" in quiet.stdout
     refused = oarlock_here("versions", model, "--mujoco", "3.x")
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1

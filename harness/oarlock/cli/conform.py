@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.bar import bar
-from oarlock.cli.console import JsonOption, NoCodeOption, console, emit_json, ends, say, shown
+from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, console, emit_json, ends, say, shown
 
 if TYPE_CHECKING:
     from oarlock.conform.session import Matrix
@@ -69,6 +69,7 @@ def conform(
     silence: SilenceOption = 900.0,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
     list_engines: Annotated[
         bool, typer.Option("--list", help="List the engines, what each can express, and whether it is there.")
     ] = False,
@@ -82,7 +83,7 @@ def conform(
         return
     if not models:
         raise InputError("no model, expected one or several, or --list for the engines")
-    with bar(always=True) as progress:
+    with bar(always=True, quiet=quiet) as progress:
         matrix = carry_out(
             models,
             engine or (),

@@ -16,7 +16,7 @@ from oarlock.cli.conform import (
     StatesOption,
     finish,
 )
-from oarlock.cli.console import JsonOption, NoCodeOption, console, ends, shown
+from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, console, ends, shown
 
 
 @ends()
@@ -35,11 +35,12 @@ def versions(
     fresh: FreshOption = False,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Runs models under versions of MuJoCo: the largest gap of their loops, what changed for them, when and why."""
     from oarlock.conform.versions import changes, compare_versions, table
 
-    with bar(always=True) as progress:
+    with bar(always=True, quiet=quiet) as progress:
         matrix = compare_versions(
             models,
             mujoco,

@@ -22,6 +22,7 @@ from oarlock.diagnosis.edit.keyframe import new_name, source_key
 from oarlock.diagnosis.edit.place import require_place
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.mechanics.load import load_model
+from oarlock.mechanics.servos import holding
 from oarlock.poses.assembly import Assembly
 
 MARKER = re.compile(r"closing_(.+)_([12])")
@@ -149,7 +150,8 @@ def _close(
     if not pose.closed:
         return Closing(tuple(joinings), (), "", pose, max(one.largest for one in pose.left))
     keyframe = new_name(closed)
-    files = write_changed(source, out, [*joinings, Keyframe(pose.qpos, pose.qvel, name=keyframe, like=key)])
+    ctrl = holding(closed, pose.qpos) if key is None else None
+    files = write_changed(source, out, [*joinings, Keyframe(pose.qpos, pose.qvel, name=keyframe, like=key, ctrl=ctrl)])
     return Closing(tuple(joinings), tuple(files), keyframe, pose, _gap(out, keyframe))
 
 

@@ -46,15 +46,29 @@ def table(rows: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
 
 
 def changes(rows: list[dict[str, Any]]) -> list[str]:
-    """What changed from one version to the next, a line each model and step; one line where nothing did."""
-    said = []
-    models = dict.fromkeys(row["model"] for row in rows)
+    """What changed from one version to the next, a line each model and step; one line where nothing did.
+
+    And one for the models of which a single version answered.
+    """
+    said: list[str] = []
+    by_model: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        by_model.setdefault(row["model"], []).append(row)
+    alone = {model: own[0] for model, own in by_model.items() if len(own) == 1}
+    models = [model for model in by_model if model not in alone]
     for model in models:
-        own = [row for row in rows if row["model"] == model]
+        own = by_model[model]
         for before, after in pairwise(own):
             if line := _change(before, after):
                 said.append(f"{model}: {line}")
-    return said or [f"nothing changed for {', '.join(models)} in the first {RUN_S:g} s"]
+    if models and not said:
+        said.append(f"nothing changed for {', '.join(models)} in the first {RUN_S:g} s")
+    answered = dict.fromkeys(map(version_of, alone.values()))
+    if alone:
+        said.append(
+            f"nothing to compare for {', '.join(alone)}: {', '.join(answered)} alone answered, expected two or more"
+        )
+    return said
 
 
 def _change(before: dict[str, Any], after: dict[str, Any]) -> str:
