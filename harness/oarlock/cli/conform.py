@@ -9,7 +9,7 @@ from oarlock.cli.bar import bar
 from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, console, emit_json, ends, say, shown
 
 if TYPE_CHECKING:
-    from oarlock.conform.session import Matrix
+    from oarlock.conformance.session import Matrix
 
 StatesOption = Annotated[int, typer.Option("--states", metavar="N", min=1, help="States to draw of each model.")]
 SeedOption = Annotated[int, typer.Option(metavar="N", min=0, help="Of all random numbers.")]
@@ -76,7 +76,7 @@ def conform(
 ) -> None:
     """Asks engines about the same closed states of models, one step and a free run, and tells why answers differ."""
     from oarlock.base.errors import InputError
-    from oarlock.conform.session import conform as carry_out
+    from oarlock.conformance.session import conform as carry_out
 
     if list_engines:
         _list_engines(as_json)
@@ -95,7 +95,7 @@ def conform(
             scheduler=scheduler,
             install=install,
             fresh=fresh,
-            silence=silence,
+            engine_timeout=silence,
             progress=progress,
         )
     if as_json != "-":
@@ -129,8 +129,8 @@ def _list_engines(as_json: str | None) -> None:
 def finish(matrix: "Matrix", as_json: str | None, report: Path | None, badge: Path | None) -> None:
     """Says what is not as it should be, writes what was asked for, and exits with the status."""
     from oarlock.base.files import write_text
-    from oarlock.conform.badge import badge as drawn
-    from oarlock.conform.page import write_page
+    from oarlock.conformance.badge import badge as drawn
+    from oarlock.conformance.page import write_page
 
     say_failures(matrix)
     document = matrix.document()
@@ -150,7 +150,7 @@ def print_matrix(matrix: "Matrix") -> None:
     from rich.table import Table
 
     from oarlock.base.numbers import short
-    from oarlock.conform.page import COLUMNS
+    from oarlock.conformance.page import COLUMNS
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     for title in ("model", "engine"):

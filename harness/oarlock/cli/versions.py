@@ -38,10 +38,11 @@ def versions(
     quiet: QuietOption = False,
 ) -> None:
     """Runs models under versions of MuJoCo: the largest gap of their loops, what changed for them, when and why."""
-    from oarlock.conform.versions import changes, compare_versions, table
+    from oarlock.conformance import session
+    from oarlock.conformance.versions import table
 
     with bar(always=True, quiet=quiet) as progress:
-        matrix = compare_versions(
+        matrix = session.versions(
             models,
             mujoco,
             states=states,
@@ -54,7 +55,7 @@ def versions(
         )
     if as_json != "-":
         _print(table(matrix.rows))
-        for line in changes(matrix.rows):
+        for line in matrix.changes():
             console().print(shown(line), soft_wrap=True)
     finish(matrix, as_json, report, None)
 

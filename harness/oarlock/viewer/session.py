@@ -8,19 +8,25 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from oarlock.base.answer import Answer
+from oarlock.base.answer import Answer, html_table
 from oarlock.base.arguments import complete, takes
 from oarlock.base.errors import InputError, few
+from oarlock.base.files import write_text
 from oarlock.base.progress import Progress
 from oarlock.cases.case import model_names
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.mechanics.given import Model
+from oarlock.render.folder import require_report, write_whole
+from oarlock.render.template import render
 from oarlock.viewer import page
 from oarlock.viewer.results import of_results
 from oarlock.viewer.show import Show, show
 
 KEPT = "case.json"
 """A folder with this file holds results."""
+
+CONTENTS = ("README.md", "figures", "index.html")
+"""Names in the folder of a page. A folder that holds anything else is not replaced."""
 
 HIGH = 600
 """Pixels of a page in a notebook."""
@@ -86,12 +92,31 @@ class Viewed(Answer):
         }
 
     def report(self, folder: str | Path) -> Path:
-        """Writes the page to a folder, as ``index.html``."""
-        page.write(self.shown, Path(folder) / "index.html")
-        return Path(folder)
+        """Writes the page to a folder, with a drawing of the moment at which MuJoCo's loops are widest open.
+
+        Raises:
+            InputError: the folder cannot be written, or holds something else.
+        """
+        from oarlock.viewer.video import Video
+
+        shown, target = self.shown, Path(folder)
+        require_report(target, CONTENTS)
+        worst = int(np.nan_to_num(shown.film.sides[0].drift).argmax())
+
+        def write(new: Path) -> None:
+            page.write(shown, new / "index.html")
+            write_text(new / "figures" / "motion.svg", Video(shown).picture(worst))
+            told = render("view.md.j2", title=shown.title, head=shown.head, notes=shown.notes)
+            write_text(new / "README.md", told)
+
+        return write_whole(target, write)
 
     def _repr_html_(self) -> str:
-        return f'<iframe srcdoc="{text.escape(page.html(self.shown))}" width="100%" height="{HIGH}"></iframe>'
+        sides = [
+            [side.title, len(side.poses), float(np.nan_to_num(side.drift).max())] for side in self.shown.film.sides
+        ]
+        told = html_table(self.shown.head, ["motion", "frames", "largest drift (m, rad)"], sides, self.notes)
+        return f'{told}<iframe srcdoc="{text.escape(page.html(self.shown))}" width="100%" height="{HIGH}"></iframe>'
 
 
 @takes(CheckOptions)

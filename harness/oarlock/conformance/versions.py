@@ -1,35 +1,15 @@
 """Versions of MuJoCo beside each other: the largest gap of a run, what changed at which version, and why."""
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from oarlock.base.errors import InputError
 from oarlock.base.numbers import short
-from oarlock.conform.session import Matrix, conform
-from oarlock.conform.states import RUN_S
+from oarlock.conformance.states import RUN_S
 
 ENGINE = "mujoco"
 
 CHANGED = 1e-2
 """Relative change of the largest gap that counts: runs that are chaotic differ by less from rounding alone in 2 s."""
-
-
-def compare_versions(models: Sequence[str], versions: str, **options: Any) -> Matrix:
-    """Asks versions of MuJoCo about models; options as of ``conform``.
-
-    Args:
-        models: models, variants or MJCF files.
-        versions: separated by commas.
-        options: as of ``conform``.
-
-    Raises:
-        InputError: as ``conform``, or no versions.
-    """
-    named = [version.strip() for version in versions.split(",") if version.strip()]
-    if not named:
-        raise InputError(f"versions '{versions}', expected some, such as 3.6,3.7")
-    return conform(models, [f"{ENGINE}@{version}" for version in named], **options)
 
 
 def version_of(row: dict[str, Any]) -> str:

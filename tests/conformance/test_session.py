@@ -7,10 +7,10 @@ import pytest
 from fake_engines import program
 from mechanisms import four_bar, write_model
 from oarlock.base.errors import InputError
-from oarlock.conform.badge import badge
-from oarlock.conform.page import write_page
-from oarlock.conform.session import conform
-from oarlock.conform.versions import changes, table
+from oarlock.conformance.badge import badge
+from oarlock.conformance.page import write_page
+from oarlock.conformance.session import conform
+from oarlock.conformance.versions import changes, table
 from oarlock.engines import environments
 from oarlock.engines.registry import parse_engine, programs
 from suites import TINY
@@ -39,7 +39,7 @@ def names(rows):
 def test_an_engine_that_fails_costs_its_unit_only(model, tmp_path, monkeypatch):
     monkeypatch.setenv("OARLOCK_TEST_NOTES", str(tmp_path / "notes"))
     engines = [str(program(tmp_path, name)) for name in ("true", "crashes", "hangs", "nan", "half")]
-    found = conform([model], engines, states=STATES, out=tmp_path / "out", jobs=1, silence=3.0)
+    found = conform([model], engines, states=STATES, out=tmp_path / "out", jobs=1, engine_timeout=3.0)
     assert names(found.rows) == {"true": "agrees"}
     said = {name: why.message for (_, name), why in found.failures.items()}
     assert set(said) == {"crashes", "hangs", "nan", "half"}
