@@ -4,12 +4,14 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import oarlock
 import pytest
+from browser import Browser, executable
 from mechanisms import COMMAND, four_bar, write_model
 from oarlock.cli import app as cli
 from pairs import GATED
@@ -49,6 +51,16 @@ def boat_run(tmp_path_factory: pytest.TempPathFactory) -> BoatRun:
     done = subprocess.run(arguments, capture_output=True, encoding="utf-8", timeout=600, check=False)
     assert done.returncode in (0, 1), done.stderr
     return BoatRun(done.returncode, done.stdout, done.stderr, json.loads(done.stdout), folder)
+
+
+@pytest.fixture(scope="module")
+def browser(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A real browser, with the flags that the module names as ``BROWSER_FLAGS``; without one the test is skipped."""
+    if executable() is None:
+        pytest.skip("there is no Chromium")
+    browser = Browser(tmp_path_factory.mktemp("browser"), *getattr(request.module, "BROWSER_FLAGS", ()))
+    yield browser
+    browser.close()
 
 
 @pytest.fixture

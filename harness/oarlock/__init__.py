@@ -3,17 +3,19 @@
 ``make_solver`` gives a multiplier solver of the compiled core, ``run`` a whole comparison, ``diff`` what changed
 between two folders of them, ``check`` why the loops of a file come apart and what would hold them, ``suite`` and
 ``sweep`` the runs of many models, ``reactions`` what goes through the equalities of one state, ``sample`` consistent
-states spread over all that a mechanism can reach. ``register_solver`` adds a solver of one's own to all of them, and
-``Stepper`` takes exact steps in place of ``mj_step``:
+states spread over all that a mechanism can reach, ``view`` both motions on a page or in a video, ``close`` a tree with
+its loops closed, ``conform`` and ``versions`` what other engines, and other versions of MuJoCo, make of the same
+states. ``register_solver`` adds a solver of one's own to all of them, and ``Stepper`` takes exact steps in place of
+``mj_step``:
 
     >>> import oarlock
     >>> solver = oarlock.make_solver("sr1", eps_abs=1e-7)
     >>> results = oarlock.run("boat", mode="free", duration=1.0)
     >>> results.summary, results.steps
 
-Each of ``run``, ``check``, ``diff``, ``sample``, ``suite`` and ``sweep`` gives an ``Answer``: its ``document`` is the
-command's JSON, ``report`` writes its page, its tables are polars frames, and a notebook shows it. Arguments are named
-as the command's flags. A name is loaded when it is first asked for.
+Each of ``run``, ``check``, ``conform``, ``diff``, ``sample``, ``suite``, ``sweep``, ``versions`` and ``view`` gives an
+``Answer``: its ``document`` is the command's JSON, ``report`` writes its page, its tables are polars frames, and a
+notebook shows it. Arguments are named as the command's flags. A name is loaded when it is first asked for.
 """
 
 from importlib import import_module
@@ -27,7 +29,9 @@ if TYPE_CHECKING:
     from oarlock.batch.session import suite, sweep
     from oarlock.batch.suite import Suite, Sweep
     from oarlock.cases.case import load_case, model_names, variant_names
+    from oarlock.closing.closing import Closing, close
     from oarlock.compare.compare import Difference, diff
+    from oarlock.conformance.session import Matrix, conform, versions
     from oarlock.diagnosis.checked import Checked, check
     from oarlock.diagnosis.options import CheckOptions
     from oarlock.diagnosis.reactions import EqualityReaction, reactions
@@ -38,6 +42,7 @@ if TYPE_CHECKING:
     from oarlock.experiments.session import run
     from oarlock.stepping.solvers import solver_names
     from oarlock.stepping.stepper import StepFigures, Stepper
+    from oarlock.viewer.session import Viewed, view
 
     __version__: str
 
@@ -49,7 +54,9 @@ _PLACES = {
     "batch.session": ("suite", "sweep"),
     "batch.suite": ("Suite", "Sweep"),
     "cases.case": ("load_case", "model_names", "variant_names"),
+    "closing.closing": ("Closing", "close"),
     "compare.compare": ("Difference", "diff"),
+    "conformance.session": ("Matrix", "conform", "versions"),
     "diagnosis.checked": ("Checked", "check"),
     "diagnosis.options": ("CheckOptions",),
     "diagnosis.reactions": ("EqualityReaction", "reactions"),
@@ -60,15 +67,18 @@ _PLACES = {
     "experiments.session": ("run",),
     "stepping.solvers": ("solver_names",),
     "stepping.stepper": ("StepFigures", "Stepper"),
+    "viewer.session": ("Viewed", "view"),
 }
 
 __all__ = [
     "Answer",
     "CheckOptions",
     "Checked",
+    "Closing",
     "Difference",
     "EqualityReaction",
     "InputError",
+    "Matrix",
     "Problems",
     "Progress",
     "Results",
@@ -78,8 +88,11 @@ __all__ = [
     "Stepper",
     "Suite",
     "Sweep",
+    "Viewed",
     "__version__",
     "check",
+    "close",
+    "conform",
     "diff",
     "export_problems",
     "load_case",
@@ -93,6 +106,8 @@ __all__ = [
     "suite",
     "sweep",
     "variant_names",
+    "versions",
+    "view",
 ]
 
 

@@ -7,10 +7,12 @@ import oarlock
 import polars as pl
 import pytest
 from mechanisms import four_bar, write_model
+from oarlock.engines import environments
+from oarlock.engines.registry import parse_engine
 from oarlock.tables.folder import ResultFolder
 from suites import TINY
 
-FAMILY = ("run", "check", "diff", "suite", "sweep", "sample")
+FAMILY = ("run", "check", "diff", "suite", "sweep", "sample", "view", "conform", "versions")
 
 NASTY = "a & <b>"
 """Name of a model that HTML would take for a tag, and Markdown too."""
@@ -33,7 +35,17 @@ class Tags(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def answers(tmp_path_factory):
+def two_versions(tmp_path_factory):
+    """Two names for this very MuJoCo: folders of versions that hold nothing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        for version in ("0.9", "1.0"):
+            environments.place(parse_engine(f"mujoco@{version}")).mkdir(parents=True)
+        yield
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory, two_versions):
     folder = tmp_path_factory.mktemp("family")
     case = write_model(folder / NASTY, four_bar(), TINY.replace('title = "tiny"', f'title = "{NASTY}"')).parent
     file = write_model(folder / "files", four_bar()).rename(folder / "files" / f"{NASTY}.xml")
@@ -48,6 +60,9 @@ def answers(tmp_path_factory):
         "diff": oarlock.diff(before, after),
         "suite": oarlock.suite(case, out=folder / "out", jobs=2),
         "sample": oarlock.sample(file, 5),
+        "view": oarlock.view(file, duration=0.05),
+        "conform": oarlock.conform(str(file), "mujoco", states=3, out=folder / "conform", jobs=1),
+        "versions": oarlock.versions(str(file), ["0.9", "1.0"], states=3, out=folder / "versions", jobs=1),
         "sweep": oarlock.sweep([case], "timestep=1e-3:2e-3:2", out=folder / "out", jobs=2),
     }
 
@@ -141,3 +156,34 @@ def test_arguments_that_make_no_sense(call, said):
     with pytest.raises(oarlock.InputError) as refused:
         call()
     assert str(refused.value).startswith(said)
+
+
+def test_versions_say_what_changed(answers):
+    assert answers["versions"].changes() == [f"nothing changed for {NASTY} in the first 2 s"]
+    assert answers["versions"].figures["engine"].to_list() == ["mujoco@0.9", "mujoco@1.0"]
+    with pytest.raises(oarlock.InputError, match="expected some, such as"):
+        oarlock.versions("four_bar", " , ")
+
+
+def test_a_view_shows_results_and_writes_where_it_is_asked_to(answers, tmp_path):
+    viewed = oarlock.view(answers["run"].save(tmp_path / "results"))
+    assert isinstance(viewed, oarlock.Viewed)
+    assert viewed.drift.columns == ["time_s", "MuJoCo", "exact"]
+    assert viewed.write(tmp_path / "page.html") == (tmp_path / "page.html").stat().st_size
+    with pytest.raises(oarlock.InputError, match=r"expected the name of a page, OUT\.html"):
+        viewed.write(tmp_path / "page.txt")
+
+
+def test_loops_are_closed_from_a_program(tmp_path):
+    source = tmp_path / "open.xml"
+    source.write_text(four_bar(pivot="0.73 0 0").replace('<connect name="pin" site1="tip1" site2="tip2"/>', ""))
+    closed = oarlock.close(source, tmp_path / "closed.xml", [("tip1", "tip2")])
+    assert isinstance(closed, oarlock.Closing)
+    assert closed.files == (tmp_path / "closed.xml",)
+    assert oarlock.check(closed.files[0], keyframe=closed.keyframe, lint=True).examination.model.neq == 1
+    for given, said in (
+        ({"kind": "glue"}, "unknown kind 'glue', expected one of: connect"),
+        ({"at": [0, 0, 0], "pair": [("tip1", "tip2")] * 2}, "--at with 2 pairs"),
+    ):
+        with pytest.raises(oarlock.InputError, match=said):
+            oarlock.close(source, tmp_path / "other.xml", **given)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mechanisms import four_bar
 from oarlock.base.errors import InputError
-from oarlock.closing.closing import close_loops
+from oarlock.closing.closing import close
 from oarlock.closing.joining import REACH
 from oarlock.diagnosis.loops.poses import nearest_closed
 from oarlock.mechanics.load import load_model
@@ -54,7 +54,7 @@ def test_the_fixture_is_open():
 
 def test_sites_are_joined_and_the_text_is_kept(tmp_path):
     source, out = written(tmp_path), tmp_path / "out.xml"
-    closing = close_loops(source, out, [TIPS])
+    closing = close(source, out, [TIPS])
     assert closing.reached
     assert closing.files == (out,)
     assert gap(out) <= CLOSED
@@ -67,13 +67,13 @@ def test_sites_are_joined_and_the_text_is_kept(tmp_path):
 def test_the_pose_is_the_nearest(tmp_path):
     """That of the same model with the equality written by hand."""
     whole = written(tmp_path, four_bar(pivot="0.73 0 0"), "whole.xml")
-    closing = close_loops(written(tmp_path), tmp_path / "out.xml", [TIPS])
+    closing = close(written(tmp_path), tmp_path / "out.xml", [TIPS])
     np.testing.assert_allclose(closing.pose.qpos, nearest_closed(load_model(whole)).qpos, atol=1e-12)
 
 
 def test_a_urdf_is_closed_where_its_frames_say(tmp_path):
     out = tmp_path / "closed.xml"
-    closing = close_loops(URDF, out)
+    closing = close(URDF, out)
     assert [(one.name, one.first.name, one.second.name) for one in closing.joinings] == [
         ("pin", "closing_pin_1", "closing_pin_2")
     ]
@@ -108,7 +108,7 @@ def test_a_urdf_keeps_the_digits_of_its_axes(tmp_path):
         assert text.count(old) == 1
         text = text.replace(old, new)
     out = tmp_path / "closed.xml"
-    assert close_loops(written(tmp_path, text, "tilted.urdf"), out).reached
+    assert close(written(tmp_path, text, "tilted.urdf"), out).reached
     assert gap(out) <= CLOSED
 
 
@@ -135,7 +135,7 @@ def test_meshes_of_a_urdf_are_found_from_the_copy(tmp_path, folder, meshdir, nam
     compiler = f'<robot name="four_bar"><mujoco><compiler meshdir="{meshdir}"/></mujoco>'
     source = written(robot, text.replace('<robot name="four_bar">', compiler), "robot.urdf")
     for out in (other / "closed.xml", robot / "closed.xml"):
-        assert close_loops(source, out).reached
+        assert close(source, out).reached
         model, _ = in_keyframe(out)
         assert model.nmesh == 1
         assert sorted(path.name for path in other.iterdir()) == ["closed.xml"]
@@ -145,18 +145,18 @@ def test_a_point_is_for_bodies_alone(tmp_path):
     with pytest.raises(
         InputError, match=r"a point \(--at\) for 'tip1', which has a place of its own: expected two bodies"
     ):
-        close_loops(written(tmp_path), tmp_path / "out.xml", [("tip1", "tip2")], at=[1.0, 2.0, 3.0])
+        close(written(tmp_path), tmp_path / "out.xml", [("tip1", "tip2")], at=[1.0, 2.0, 3.0])
     assert not (tmp_path / "out.xml").exists()
 
 
 def test_two_bodies_are_joined_as_they_are_drawn(tmp_path):
     out = tmp_path / "out.xml"
-    closing = close_loops(written(tmp_path), out, [("coupler", "rocker")], at=[0.5, 0.0, 0.5])
+    closing = close(written(tmp_path), out, [("coupler", "rocker")], at=[0.5, 0.0, 0.5])
     assert closing.pose.moved == pytest.approx(0.0, abs=CLOSED)
     _, data = in_keyframe(out)
     for name in ("coupler", "rocker"):
         np.testing.assert_allclose(data.site(name).xpos, [0.5, 0.0, 0.5], atol=1e-12)
-    closing = close_loops(written(tmp_path), out, [("coupler", "rocker")])
+    closing = close(written(tmp_path), out, [("coupler", "rocker")])
     _, data = in_keyframe(out)
     np.testing.assert_allclose(data.site("coupler").xpos, data.body("rocker").xpos, atol=1e-12)
 
@@ -169,7 +169,7 @@ def test_every_kind_holds_what_it_says(tmp_path, kind, rows):
       <body name="right" pos="1 0 0"><freejoint/><geom size="0.1"/><site name="b" pos="0 0.2 0" euler="40 0 5"/></body>
     </worldbody></mujoco>"""
     out = tmp_path / "out.xml"
-    close_loops(written(tmp_path, arms), out, [("a", "b")], kind=kind)
+    close(written(tmp_path, arms), out, [("a", "b")], kind=kind)
     model, data = in_keyframe(out)
     assert data.ne == rows
     assert gap(out) <= 10 * CLOSED  # of a weld MuJoCo's rows are sines of half the angle
@@ -192,7 +192,7 @@ def test_frames_of_mjcf_are_ends(tmp_path):
         '<frame name="tip2" pos="-0.1 0 0.2"><frame pos="-0.1 0 0.3" name="end"/></frame>',
     )
     out = tmp_path / "out.xml"
-    close_loops(written(tmp_path, text), out, [("tip1", "end")])
+    close(written(tmp_path, text), out, [("tip1", "end")])
     assert gap(out) <= CLOSED
     model, _ = in_keyframe(out)
     np.testing.assert_allclose(model.site("end").pos, [-0.2, 0.0, 0.5], atol=1e-15)
@@ -204,7 +204,7 @@ def test_an_end_in_an_included_file_gets_its_site_there(tmp_path):
     written(tmp_path, f"<mujoco>{rocker}</mujoco>", "rocker.xml")
     source = written(tmp_path, OPEN[:begin] + '<include file="rocker.xml"/>' + OPEN[end:])
     out = tmp_path / "out.xml"
-    closing = close_loops(source, out, [("tip1", "mark")])
+    closing = close(source, out, [("tip1", "mark")])
     assert closing.files == (tmp_path / "out-rocker.xml", out)
     assert gap(out) <= CLOSED
     assert "<site" not in (tmp_path / "rocker.xml").read_text(encoding="utf-8")
@@ -212,7 +212,7 @@ def test_an_end_in_an_included_file_gets_its_site_there(tmp_path):
 
 def test_the_world_is_an_end(tmp_path):
     out = tmp_path / "out.xml"
-    close_loops(written(tmp_path), out, [("world", "coupler")])
+    close(written(tmp_path), out, [("world", "coupler")])
     assert gap(out) <= CLOSED
 
 
@@ -221,7 +221,7 @@ def test_a_keyframe_is_closed_with_its_controls(tmp_path):
       <keyframe><key name="home" qpos="0.2 0 0" ctrl="0.5"/></keyframe>"""
     source = written(tmp_path, OPEN.replace("</mujoco>", f"{rest}</mujoco>"))
     out = tmp_path / "out.xml"
-    close_loops(source, out, [TIPS])
+    close(source, out, [TIPS])
     model, _ = in_keyframe(out)
     assert model.key("closed").ctrl.tolist() == [0.5]
     assert model.nkey == 2
@@ -231,9 +231,9 @@ def test_a_keyframe_is_closed_with_its_controls(tmp_path):
 def test_marks_of_mjcf_that_are_joined_already_are_left(tmp_path):
     text = OPEN.replace("tip1", "closing_pin_1").replace("tip2", "closing_pin_2")
     out, again = tmp_path / "out.xml", tmp_path / "again.xml"
-    close_loops(written(tmp_path, text), out)
+    close(written(tmp_path, text), out)
     with pytest.raises(InputError, match="are joined already, by 'pin', expected an open pair"):
-        close_loops(out, again)
+        close(out, again)
     assert not again.exists()
 
 
@@ -242,7 +242,7 @@ def test_names_that_are_taken_are_numbered(tmp_path):
         "</mujoco>", '<equality><joint name="tip1_tip2" joint1="crank" joint2="rocker" active="false"/></equality>'
     )
     out = tmp_path / "out.xml"
-    close_loops(written(tmp_path, f"{text}</mujoco>"), out, [TIPS])
+    close(written(tmp_path, f"{text}</mujoco>"), out, [TIPS])
     model, _ = in_keyframe(out)
     assert [model.equality(index).name for index in range(model.neq)] == ["tip1_tip2", "tip1_tip22"]
 
@@ -252,7 +252,7 @@ def test_names_that_are_taken_are_numbered(tmp_path):
 
 def test_what_cannot_be_reached_is_not_written(tmp_path):
     out = tmp_path / "out.xml"
-    closing = close_loops(written(tmp_path, OPEN.replace("0.73 0 0", "3 0 0")), out, [TIPS])
+    closing = close(written(tmp_path, OPEN.replace("0.73 0 0", "3 0 0")), out, [TIPS])
     assert not closing.reached
     assert not out.exists()
     lengths = 0.3 + np.hypot(0.5, 0.2) + np.hypot(0.2, 0.5)
@@ -273,14 +273,14 @@ def test_what_cannot_be_reached_is_not_written(tmp_path):
 )
 def test_mistakes_are_named(tmp_path, pairs, said):
     with pytest.raises(InputError, match=said):
-        close_loops(written(tmp_path), tmp_path / "out.xml", pairs)
+        close(written(tmp_path), tmp_path / "out.xml", pairs)
     assert not (tmp_path / "out.xml").exists()
 
 
 def test_a_mark_without_its_other_side_is_named(tmp_path):
     source = written(tmp_path, OPEN.replace("tip1", "closing_pin_1"))
     with pytest.raises(InputError, match="no frame 'closing_pin_2' beside 'closing_pin_1', expected both"):
-        close_loops(source, tmp_path / "out.xml")
+        close(source, tmp_path / "out.xml")
 
 
 @pytest.mark.parametrize("equality", [PIN, '<connect body1="rocker" body2="coupler" anchor="-0.23 0 0.5"/>'])
@@ -290,7 +290,7 @@ def test_an_equality_between_the_same_points_is_found(tmp_path, equality):
         'pos="0.5 0 0.2"/>', 'pos="0.47 0 0.2"/>'
     )
     with pytest.raises(InputError, match="are joined already"):
-        close_loops(written(tmp_path, text), tmp_path / "out.xml", [TIPS])
+        close(written(tmp_path, text), tmp_path / "out.xml", [TIPS])
 
 
 def test_a_file_that_is_no_model_is_named(tmp_path):
@@ -301,6 +301,26 @@ def test_a_file_that_is_no_model_is_named(tmp_path):
         ("<mujoco/>", "no joint"),
     ):
         with pytest.raises(InputError, match=said) as raised:
-            close_loops(written(tmp_path, text, "bad.urdf"), tmp_path / "out.xml", [("a", "b")])
+            close(written(tmp_path, text, "bad.urdf"), tmp_path / "out.xml", [("a", "b")])
         assert str(tmp_path / "bad.urdf") in str(raised.value)
     assert [path.name for path in Path(tmp_path).iterdir()] == ["bad.urdf"]
+
+
+@pytest.mark.parametrize("kind", ["connect", "hinge", "weld"])
+def test_servos_hold_the_closed_pose(tmp_path, kind):
+    """Of a file without a keyframe: at rest in the new one no servo pulls, within its range; a motor has no control."""
+    servos = """<actuator><position name="s" joint="{joint}" kp="50"/><motor name="m" joint="{joint}"/>
+      <position name="short" joint="{joint}" kp="9" gear="2" ctrlrange="-.001 .001"/></actuator>"""
+    source = written(tmp_path)
+    out = tmp_path / "out.xml"
+    moved = close(source, out, [TIPS], kind=kind).pose.moved_joint
+    (joint,) = (one.name for one in mujoco.MjSpec.from_file(str(source)).joints if one.name and one.name in moved)
+    source.write_text(source.read_text().replace("</mujoco>", servos.format(joint=joint) + "</mujoco>"))
+    close(source, out, [TIPS], kind=kind)
+    model, data = in_keyframe(out)
+    mujoco.mj_forward(model, data)
+    assert data.joint(joint).qpos[0] != 0.0
+    assert data.actuator("s").force[0] == pytest.approx(0.0, abs=1e-12)
+    assert data.ctrl[0] == pytest.approx(data.joint(joint).qpos[0])
+    assert data.ctrl[1] == 0.0
+    assert abs(data.ctrl[2]) == pytest.approx(0.001)

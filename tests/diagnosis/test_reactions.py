@@ -156,7 +156,7 @@ def test_what_cannot_be_known_is_refused():
     with pytest.raises(InputError, match="not finite"):
         oarlock.reactions(model, data)
     boat = boat_with()
-    with pytest.raises(InputError, match="another model"):
+    with pytest.raises(InputError, match="data of a model with nq = "):
         oarlock.reactions(load_model(boat.model_path, boat.parameters), data)
 
 

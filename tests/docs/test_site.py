@@ -10,7 +10,6 @@ from urllib.parse import unquote, urlsplit
 
 import oarlock
 import pytest
-from browser import Browser, executable
 from oarlock.base import core
 from oarlock.cases.case_file import CaseFile
 from oarlock.cli.app import COMMANDS
@@ -137,15 +136,6 @@ def test_figures_of_the_front_page_are_those_of_the_report(site):
 
 
 # A real browser.
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if executable() is None:
-        pytest.skip("there is no Chromium")
-    browser = Browser(tmp_path_factory.mktemp("browser"))
-    yield browser
-    browser.close()
 
 
 @pytest.mark.parametrize(

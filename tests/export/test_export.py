@@ -12,8 +12,9 @@ from mechanisms import TANGLE, four_bar, write_model
 from oarlock.engines import running
 from oarlock.engines.answers import read
 from oarlock.engines.asking import arrays_of, ask, states_of, write
+from oarlock.export import session
 from oarlock.export.readers import READERS
-from oarlock.export.session import closed_model, compile_export, export
+from oarlock.export.session import Exported, closed_model, compile_export, export
 from oarlock.export.writer import EARTH, Export, Writer
 from oarlock.mechanics.names import equalities
 
@@ -134,6 +135,26 @@ def test_the_command_lists_and_writes(oarlock_here, tmp_path: Path):
     assert "ends in .xml" in done.stderr
 
 
+class Told:
+    """What a reader says that has all as it was written."""
+
+    def __init__(self, model: mujoco.MjModel):
+        rows = sum({0: 3, 1: 6}.get(int(kind), 1) for kind in model.eq_type)
+        self.facts = {"total_mass": float(model.body_mass.sum()), "velocities": model.nv, "rows": rows}
+        self.versions = {"reader": "1"}
+
+
+@pytest.mark.parametrize(("name", "but"), [("gripping_gripper", ", without joint equality 'gears'"), ("four_bar", "")])
+def test_what_was_left_out_is_not_as_written(name: str, but: str):
+    model, reference = closed_model(name)
+    written = Writer(model, READERS["drake"], reference).write()
+    assert written.left  # at least a light, which nothing depends on
+    exported = Exported(name, READERS["drake"], written)
+    own = compile_export(written)
+    session._compare(exported, own, Told(own))
+    assert exported.read[-1] == f"as written{but}: velocities, rows"
+
+
 # With the readers.
 
 
@@ -144,7 +165,9 @@ def test_the_reader_has_it_as_it_is_written(name: str, reader: str, tmp_path: Pa
     engine = Engine(READERS[reader].program)
     exported = export(name, reader, tmp_path / "out.xml", f"{engine.program.name}={engine.environment.python}")
     assert exported.differences == []
-    assert exported.read[-1] == "as written: masses, places, velocities, rows"
+    assert exported.read[-1].endswith(": masses, places, velocities, rows")
+    lacks = any(one.moves for one in exported.export.left)
+    assert exported.read[-1].startswith("as written, without" if lacks else "as written: ")
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 """Models that a program holds are those of files."""
 
+import json
+
 import mujoco
 import numpy as np
 import oarlock
@@ -85,3 +87,25 @@ def test_nobody_elses_compiled_model_is_believed(tmp_path):
     for call in (compiled_at, oarlock.check, oarlock.run):
         with pytest.raises(InputError, match="is a compiled model, expected the MJCF that it was made of"):
             call(path)
+
+
+def test_messages_say_what_was_given_and_no_place_of_ours(recwarn):
+    open_loop = XML.replace("<equality>", "<!--").replace("</equality>", "-->")
+    for given, said in (
+        (open_loop, "the MJCF that was given"),
+        (mujoco.MjSpec.from_string(open_loop), "the MjSpec"),
+        (mujoco.MjModel.from_xml_string(open_loop), "the MjModel"),
+    ):
+        for function in (oarlock.check, oarlock.run, lambda model: oarlock.sample(model, 3)):
+            with pytest.raises(InputError, match=f"^{said}: no <equality> element"):
+                function(given)
+    for given, said in ((XML, "the MJCF that was given"), (mujoco.MjModel.from_xml_string(XML), "the MjModel")):
+        checked = oarlock.check(given, duration=0.02, budget=0)
+        assert checked.examination.file == said
+        assert {finding.file for finding in checked.verdict} == {said}
+        assert str(checked.examination.path) not in repr(checked) + json.dumps(checked.document())
+
+
+def test_results_of_a_model_that_a_program_held_say_so(tmp_path):
+    kept = oarlock.run(XML, duration=0.02, mode="free", solver="auto", out=tmp_path / "kept").folder
+    assert json.loads((kept / "case.json").read_text())["model_file"] is None

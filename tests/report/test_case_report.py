@@ -226,6 +226,20 @@ def test_a_failure_leaves_the_old_report(small, boat_report, tmp_path, monkeypat
     assert list(tmp_path.iterdir()) == [target]
 
 
+# The mechanism.
+
+
+def test_the_mechanism_has_its_geoms(small, tmp_path):
+    """Three capsules; in results of before, which have none, the joints alone."""
+    drawn = (write_report(small, tmp_path / "new") / "figures" / "mechanism.svg").read_text()
+    results = shutil.copytree(small, tmp_path / "results")
+    sketch = ResultFolder(results).read_json("sketch.json")
+    assert [shape["kind"] for shape in sketch.pop("solids")["shapes"]] == ["capsule"] * 3
+    ResultFolder(results).write_json("sketch.json", sketch)
+    bare = (write_report(results, tmp_path / "old") / "figures" / "mechanism.svg").read_text()
+    assert drawn.count("<path") >= bare.count("<path") + 3
+
+
 # Folders that are no results, and folders that are no report.
 
 

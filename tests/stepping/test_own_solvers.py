@@ -69,6 +69,55 @@ def test_a_wrong_answer_is_not_taken_at_its_word():
     assert (info.status, x.tolist()) == ("breakdown", [0.0, 0.0])
 
 
+def giving_up(after):
+    """A solver that answers so many times and then raises; made anew it counts from 0."""
+
+    class GivesUp:
+        def __init__(self):
+            self.asked = 0
+
+        def solve(self, A, b):
+            self.asked += 1
+            if self.asked > after:
+                raise ValueError(f"no more than {after}")
+            return least_squares(A, b)
+
+    return GivesUp
+
+
+@pytest.mark.parametrize("path", ["native", "python"])
+@pytest.mark.parametrize("mode", ["lockstep", "one-step"])
+def test_one_that_gives_up_ends_its_own_runs_alone(path, mode):
+    oarlock.register_solver("five", giving_up(5))
+    oarlock.register_solver("three", giving_up(3))
+    asked = {"mode": mode, "duration": 0.04, "stepping": path}
+    results = oarlock.run(XML, solver=["five", "pinv", "three", "auto"], **asked)
+    rows = {(row["form"], row["solver"]): row for row in results.rows if row["mode"] == mode}
+    assert len(rows) == 8
+    for (_, solver), row in rows.items():
+        if solver in ("pinv", "auto"):
+            assert (row["status"], row["steps_done"]) == ("done", 20)
+        else:
+            assert row["status"] == "diverged"
+            assert f"solver '{solver}': it raises ValueError: no more than" in row["message"]
+            assert 0 < row["steps_done"] < 20
+    alone = oarlock.run(XML, solver=["pinv", "auto"], **asked)
+    for row, steps in zip(alone.rows, alone.tables, strict=True):
+        beside = next(
+            table for one, table in zip(results.rows, results.tables, strict=True) if one["run"] == row["run"]
+        )
+        same = ["step", "qpos", "residual", "multipliers"]
+        assert beside.select(same).collect().equals(steps.select(same).collect())
+
+
+def test_one_that_walks_and_gives_up_ends_all_that_walk_along():
+    oarlock.register_solver("seven", giving_up(7))
+    results = oarlock.run(XML, solver=["pinv", "seven"], walker="seven", mode="lockstep", form="hard", duration=0.04)
+    rows = [row for row in results.rows if row["mode"] == "lockstep"]
+    assert [row["status"] for row in rows] == ["diverged"] * 2
+    assert all("solver 'seven'" in row["message"] for row in rows)
+
+
 def raises(A, b):
     raise ZeroDivisionError("no pivot")
 

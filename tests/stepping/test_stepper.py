@@ -201,6 +201,21 @@ def test_what_cannot_be_is_one_line(call, line):
         call(model, other)
 
 
+def test_the_data_of_another_model_of_the_same_size_is_refused():
+    model = mujoco.MjModel.from_xml_string(four_bar())
+    stepper = oarlock.Stepper(model)
+    other = mujoco.MjModel.from_xml_string(four_bar(pivot="0.71 0 0"))
+    for call in (stepper.step, stepper.close, stepper.energy, lambda data: stepper.rollout([data], steps=1)):
+        with pytest.raises(InputError, match=r"data of another model of the same size, whose \w+ differs"):
+            call(mujoco.MjData(other))
+    same, painted = (mujoco.MjModel.from_xml_string(four_bar()) for _ in range(2))
+    painted.geom_rgba[:] = 0.5
+    model.body_mass[:] *= 2.0  # later changes are not seen, and its data stay its own
+    for one in (model, same, painted):
+        stepper.step(mujoco.MjData(one))
+        stepper.step(mujoco.MjData(one))
+
+
 def test_a_state_without_numbers_is_refused_and_the_stepper_goes_on():
     model = mujoco.MjModel.from_xml_string(four_bar())
     stepper, data, good = oarlock.Stepper(model), mujoco.MjData(model), mujoco.MjData(model)

@@ -8,18 +8,19 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from browser import WEBGL, Browser, executable
+from browser import WEBGL
 from oarlock.base.errors import InputError
+from oarlock.base.shapes import rotated, thinned
 from oarlock.diagnosis.checked import begun, parts
 from oarlock.diagnosis.loops.wrenches import wrenches
 from oarlock.diagnosis.options import CheckOptions
+from oarlock.mechanics import shapes as looks
 from oarlock.mechanics.names import element_name
 from oarlock.viewer import film as filming
 from oarlock.viewer import scene as scenery
 from oarlock.viewer.packing import packed, unpacked
 from oarlock.viewer.page import html, write
-from oarlock.viewer.scene import thinned
-from oarlock.viewer.show import rotated, shown
+from oarlock.viewer.show import shown
 from places import FIXTURES
 
 CHECK = FIXTURES / "check"
@@ -191,7 +192,7 @@ def test_a_large_model_has_fewer_frames(exams, monkeypatch):
 
 
 def test_too_many_geoms_are_refused(exams, monkeypatch):
-    monkeypatch.setattr(scenery, "MOST_GEOMS", 2)
+    monkeypatch.setattr(looks, "MOST_GEOMS", 2)
     with pytest.raises(InputError, match=r"\d+ geoms to draw, expected at most 2"):
         shown(exams("boat"))
 
@@ -319,7 +320,8 @@ def test_the_command_writes_opens_and_says(oarlock_here, tmp_path, monkeypatch):
         (("nowhere.xml",), "no model file 'nowhere.xml'"),
         ((CHECK / "none.xml",), "no <equality> element"),
         (("four_bar", "--duration", "-1"), "duration"),
-        (("four_bar", "--duration", "0.01", "-o", "."), "cannot write"),
+        (("four_bar", "--duration", "0.01", "-o", "."), "'.', expected the name of a page, OUT.html"),
+        (("four_bar", "--duration", "0.01", "-o", "/dev/null/x.html"), "cannot write"),
     ],
 )
 def test_bad_input_is_one_line(oarlock_here, arguments, said):
@@ -333,14 +335,7 @@ def test_bad_input_is_one_line(oarlock_here, arguments, said):
 # A real browser.
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if executable() is None:
-        pytest.skip("there is no Chromium")
-    browser = Browser(tmp_path_factory.mktemp("browser"), *WEBGL)
-    yield browser
-    browser.close()
-
+BROWSER_FLAGS = WEBGL
 
 COLOURS = """(() => {
   const gl = viewer.renderer.getContext(), [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];

@@ -5,8 +5,8 @@ from text import page as written
 
 HEAD = """\
 All public names are those of `oarlock` itself; modules are no part of the interface. `oarlock.__version__` is the
-version. `check`, `run`, `diff`, `sample`, `suite` and `sweep` each give an [`Answer`](#oarlock.Answer): its tables
-are polars frames, `report` writes its page, and a notebook shows it."""
+version. `check`, `run`, `conform`, `diff`, `sample`, `suite`, `sweep`, `versions` and `view` each give an
+[`Answer`](#oarlock.Answer): its tables are polars frames, `report` writes its page, and a notebook shows it."""
 
 
 def page() -> str:

@@ -15,7 +15,7 @@ SHOWN = 100
 
 
 class Answer(ABC):
-    """An answer: of ``run``, ``check``, ``diff``, ``suite`` or ``sweep``. In a notebook it shows itself.
+    """An answer: of ``run``, ``check``, ``suite`` and others. In a notebook it shows itself.
 
     Attributes:
         FRAMES: names of the attributes that are tables, as polars frames.

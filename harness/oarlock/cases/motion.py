@@ -34,18 +34,23 @@ class Motion:
         controls: ``keyframe``, ``constant``, ``random``, or the path of a log, ``FILE.csv`` or ``FILE.npz``.
         control: in place of what ``controls`` says, as of ``Control``.
         seed: of random controls.
+        states: log of states ``FILE.csv`` or ``FILE.npz``, as of ``mechanics.state_log``, in place of MuJoCo's own run:
+            what a program really did. It has the start and the controls.
 
     Raises:
-        InputError: no such kind of controls, a law that does not parse, a seed that is no whole number ≥ 0, or a
-            controller besides other controls.
+        InputError: no such kind of controls, a law that does not parse, a seed that is no whole number ≥ 0, a
+            controller besides other controls, or a log of states besides a start or controls.
     """
 
     keyframe: str | None = None
     controls: str | None = None
     control: Control = field(default_factory=dict)
     seed: int = 0
+    states: str | Path | None = None
 
     def __post_init__(self):
+        if self.states is not None and (self.drives or self.keyframe is not None):
+            raise InputError("a start or controls besides a log of states, expected one of the two: the log has both")
         if self.controls is not None and self.controls not in KINDS and self.log is None:
             raise InputError(
                 f"unknown kind of controls '{self.controls}', expected one of: {', '.join(KINDS)}, or a log "
@@ -88,7 +93,7 @@ class Motion:
     @property
     def given(self) -> bool:
         """Whether anything is asked for."""
-        return self.drives or self.keyframe is not None
+        return self.drives or self.keyframe is not None or self.states is not None
 
 
 RULE = Motion()

@@ -10,7 +10,7 @@ import typer
 from oarlock.base.errors import InputError
 from oarlock.cli.checking import Asked, Outcome, checked_file, refused
 from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, emit, emit_json, ends, prints, say
-from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
+from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, StatesOption, given_controls
 from oarlock.diagnosis.options import BUDGET_S, TARGET, CheckOptions
 
 
@@ -23,14 +23,7 @@ def check(
     controls: ControlsOption = None,
     control: ControlOption = None,
     seed: SeedOption = 0,
-    states: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE",
-            help="A log of what a program really did, in place of MuJoCo's own run: FILE.npz with time, qpos, qvel, "
-            "ctrl and act before every step, or FILE.csv with qpos0, qpos1 …",
-        ),
-    ] = None,
+    states: StatesOption = None,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Of the run [default: 2 s].")] = None,
     timestep: Annotated[float | None, typer.Option(metavar="S", help="In place of the model's.")] = None,
     integrator: Annotated[str | None, typer.Option(metavar="NAME", help="In place of the model's.")] = None,

@@ -70,16 +70,11 @@ def close(
     as they are drawn. Status 1: no pose closes the loops, and nothing is written; or the lint found an error.
     """
     from oarlock.base.errors import choose
-    from oarlock.closing.closing import close_loops
+    from oarlock.closing import closing as loops
     from oarlock.diagnosis.checked import check
-    from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 
     pairs = [_pair(text) for text in pair or ()]
-    if at is not None and len(pairs) != 1:
-        raise InputError(f"--at with {len(pairs)} pairs, expected one --pair")
-    joined = choose("kind", kind, KINDS)
-    with mujoco_ends_in_a_line(file):
-        closing = close_loops(file, out, pairs, kind=joined, at=None if at is None else _point(at))
+    closing = loops.close(file, out, pairs, kind=choose("kind", kind, KINDS), at=None if at is None else _point(at))
     if not closing.reached:
         say(f"oarlock: {file}: {_open(closing)}; nothing is written")
         raise typer.Exit(GATE_FAILED)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from oarlock.cli.bar import bar
-from oarlock.cli.console import KEPT, JsonOption, NoCodeOption, emit_json, ends, say
+from oarlock.cli.console import KEPT, JsonOption, NoCodeOption, QuietOption, emit_json, ends, say
 
 if TYPE_CHECKING:
-    from oarlock.conform.session import Matrix
+    from oarlock.conformance.session import Matrix
 
 StatesOption = Annotated[int, typer.Option("--states", metavar="N", min=1, help="States to draw of each model.")]
 SeedOption = Annotated[int, typer.Option(metavar="N", min=0, help="Of all random numbers.")]
@@ -69,20 +69,21 @@ def conform(
     silence: SilenceOption = 900.0,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
     list_engines: Annotated[
         bool, typer.Option("--list", help="List the engines, what each can express, and whether it is there.")
     ] = False,
 ) -> None:
     """Asks engines about the same closed states of models, one step and a free run, and tells why answers differ."""
     from oarlock.base.errors import InputError
-    from oarlock.conform.session import conform as carry_out
+    from oarlock.conformance.session import conform as carry_out
 
     if list_engines:
         _list_engines(as_json)
         return
     if not models:
         raise InputError("no model, expected one or several, or --list for the engines")
-    with bar(always=True) as progress:
+    with bar(always=True, quiet=quiet) as progress:
         matrix = carry_out(
             models,
             engine or (),
@@ -94,7 +95,7 @@ def conform(
             scheduler=scheduler,
             install=install,
             fresh=fresh,
-            silence=silence,
+            engine_timeout=silence,
             progress=progress,
         )
     if as_json != "-":
@@ -124,8 +125,8 @@ def _list_engines(as_json: str | None) -> None:
 def finish(matrix: "Matrix", as_json: str | None, report: Path | None, badge: Path | None) -> None:
     """Says what is not as it should be, writes what was asked for, and exits with the status."""
     from oarlock.base.files import write_text
-    from oarlock.conform.badge import badge as drawn
-    from oarlock.conform.page import write_page
+    from oarlock.conformance.badge import badge as drawn
+    from oarlock.conformance.page import write_page
 
     say_failures(matrix)
     document = matrix.document()
@@ -144,7 +145,7 @@ def print_matrix(matrix: "Matrix") -> None:
     """Prints a row a model and engine."""
     from oarlock.base.numbers import short
     from oarlock.cli.tables import print_table
-    from oarlock.conform.page import COLUMNS
+    from oarlock.conformance.page import COLUMNS
 
     if not matrix.rows:
         return

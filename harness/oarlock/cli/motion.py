@@ -25,6 +25,14 @@ ControlOption = Annotated[
         metavar="ACTUATOR=VALUE", help="The control of an actuator, a number or a law of the time t; may be repeated."
     ),
 ]
+StatesOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE",
+        help="A log of what a program really did, in place of MuJoCo's own run: FILE.npz with time, qpos, qvel, "
+        "ctrl and act before every step, or FILE.csv with qpos0, qpos1 …",
+    ),
+]
 SeedOption = Annotated[int, typer.Option(metavar="N", help="Of random controls.")]
 
 

@@ -23,7 +23,7 @@ from oarlock.cli.console import (
     one_of,
     say,
 )
-from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, given_controls
+from oarlock.cli.motion import ControlOption, ControlsOption, KeyframeOption, SeedOption, StatesOption, given_controls
 from oarlock.cli.tables import print_table
 from oarlock.experiments import session
 from oarlock.experiments.modes import ASKABLE
@@ -59,6 +59,7 @@ def run(
     controls: ControlsOption = None,
     control: ControlOption = None,
     seed: SeedOption = 0,
+    states: StatesOption = None,
     timestep: Annotated[float | None, typer.Option(metavar="S", help="Timestep in s.")] = None,
     duration: Annotated[float | None, typer.Option(metavar="S", help="Duration in s.")] = None,
     rtol: Annotated[float | None, typer.Option(help="Relative tolerance of the solvers that have one.")] = None,
@@ -93,6 +94,7 @@ def run(
         controls=controls,
         control=given_controls(control),
         seed=seed,
+        states=states,
         timestep=timestep,
         duration=duration,
         rtol=rtol,

@@ -11,7 +11,7 @@ from oarlock.cli.console import KEPT, JsonOption, NoCodeOption, QuietOption, emi
 if TYPE_CHECKING:
     from oarlock.base.progress import Progress
     from oarlock.batch.suite import Suite
-    from oarlock.conform.session import Matrix
+    from oarlock.conformance.session import Matrix
 
 
 @ends(KEPT)
@@ -71,7 +71,7 @@ def suite(
     if sweep and engine:
         raise InputError("--sweep and --engine, expected one of them: engines are asked about the models as they are")
     if engine:
-        from oarlock.conform.session import require_engines
+        from oarlock.conformance.session import require_engines
 
         require_engines(engine)
 
@@ -102,17 +102,17 @@ def suite(
 
 
 def _asked(found: "Suite", engines: list[str], wanted: dict[str, Any], progress: "Progress") -> "Matrix":
-    from oarlock.conform.session import conform
+    from oarlock.conformance.session import conform
 
     models = [member.asked for member in found.members if not member.refused]
     shared = {name: wanted[name] for name in ("jobs", "scheduler", "fresh")}
     silence = wanted["unit_timeout"]
-    return conform(models, engines, out=wanted["out"] / "conform", silence=silence, progress=progress, **shared)
+    return conform(models, engines, out=wanted["out"] / "conform", engine_timeout=silence, progress=progress, **shared)
 
 
 def _say_engines(matrix: "Matrix", folder: Path) -> None:
     from oarlock.cli.conform import say_failures
-    from oarlock.conform.page import write_page
+    from oarlock.conformance.page import write_page
 
     say_failures(matrix)
     say(f"oarlock: written: {write_page(matrix.document(), folder) / 'README.md'}")

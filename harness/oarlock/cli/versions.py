@@ -16,7 +16,7 @@ from oarlock.cli.conform import (
     StatesOption,
     finish,
 )
-from oarlock.cli.console import JsonOption, NoCodeOption, console, ends, shown
+from oarlock.cli.console import JsonOption, NoCodeOption, QuietOption, console, ends, shown
 
 
 @ends()
@@ -35,12 +35,14 @@ def versions(
     fresh: FreshOption = False,
     as_json: JsonOption = None,
     no_code: NoCodeOption = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Runs models under versions of MuJoCo: the largest gap of their loops, what changed for them, when and why."""
-    from oarlock.conform.versions import changes, compare_versions, table
+    from oarlock.conformance import session
+    from oarlock.conformance.versions import table
 
-    with bar(always=True) as progress:
-        matrix = compare_versions(
+    with bar(always=True, quiet=quiet) as progress:
+        matrix = session.versions(
             models,
             mujoco,
             states=states,
@@ -53,7 +55,7 @@ def versions(
         )
     if as_json != "-":
         _print(table(matrix.rows))
-        for line in changes(matrix.rows):
+        for line in matrix.changes():
             console().print(shown(line), soft_wrap=True)
     finish(matrix, as_json, report, None)
 

@@ -4,13 +4,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import mujoco
 import numpy as np
 
 from oarlock.base.cores import one_thread
-from oarlock.base.errors import InputError
+from oarlock.base.errors import InputError, choose
 from oarlock.base.numbers import figure
 from oarlock.base.scratch import scratch_folder
 from oarlock.closing.ends import End, Ends, as_drawn, require_apart
@@ -21,7 +21,9 @@ from oarlock.diagnosis.edit.copy import write_changed
 from oarlock.diagnosis.edit.keyframe import new_name, source_key
 from oarlock.diagnosis.edit.place import require_place
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
+from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.mechanics.load import load_model
+from oarlock.mechanics.servos import holding
 from oarlock.poses.assembly import Assembly
 
 MARKER = re.compile(r"closing_(.+)_([12])")
@@ -83,10 +85,10 @@ class Closing:
         }
 
 
-def close_loops(
-    source: Path,
-    out: Path,
-    pairs: Sequence[tuple[str, str]] = (),
+def close(
+    file: str | Path,
+    out: str | Path,
+    pair: Sequence[tuple[str, str]] = (),
     *,
     kind: Kind = "connect",
     at: Sequence[float] | None = None,
@@ -94,20 +96,27 @@ def close_loops(
     """Closes loops of an open tree, and writes it as MJCF with a keyframe in the nearest closed pose.
 
     Args:
-        source: MJCF, whose text stays as it is elsewhere, or URDF.
+        file: MJCF, whose text stays as it is elsewhere, or URDF.
         out: the copy; what is there is replaced. Not written where no pose closes the loops.
-        pairs: names of two sites, frames or bodies each; none: every ``closing_NAME_1`` with ``closing_NAME_2``.
-        kind: how each is joined.
+        pair: names of two sites, frames or bodies each; none: every ``closing_NAME_1`` with ``closing_NAME_2``.
+        kind: how each is joined: ``connect`` or ``ball``, ``hinge``, ``weld``; ``--as`` of the command.
         at: where two bodies are joined in the model's own pose, (3), world, m; None: at the second one's origin.
+
+    Returns:
+        What was done: ``files`` is empty where no pose closes the loops.
 
     Raises:
         InputError: the source is malformed, there is nothing to close, nothing has one of the names, two ends are
             joined already or are parts of one body, or the copy cannot be written.
     """
+    source, out, pairs = Path(file), Path(out), list(pair)
+    choose("kind", kind, get_args(Kind))
+    if at is not None and len(pairs) != 1:
+        raise InputError(f"--at with {len(pairs)} pairs, expected one --pair")
     if not source.is_file():
         raise InputError(f"no model file '{source}'")
     require_place(source, out)
-    with one_thread():
+    with one_thread(), mujoco_ends_in_a_line(source):
         if not is_urdf(source):
             return _close(source, out, pairs, kind, at)
         with scratch_folder() as folder:
@@ -149,7 +158,8 @@ def _close(
     if not pose.closed:
         return Closing(tuple(joinings), (), "", pose, max(one.largest for one in pose.left))
     keyframe = new_name(closed)
-    files = write_changed(source, out, [*joinings, Keyframe(pose.qpos, pose.qvel, name=keyframe, like=key)])
+    ctrl = holding(closed, pose.qpos) if key is None else None
+    files = write_changed(source, out, [*joinings, Keyframe(pose.qpos, pose.qvel, name=keyframe, like=key, ctrl=ctrl)])
     return Closing(tuple(joinings), tuple(files), keyframe, pose, _gap(out, keyframe))
 
 

@@ -146,7 +146,9 @@ def _read(side: Side, folder: ResultFolder, *, top: bool) -> None:
         side.runs += [Run(row, folder, _point(row), sweep) for row in document["runs"]]
         side.gates += [(str(gate.get("case", provenance.get("case"))), gate) for gate in document["gates"]]
         if (folder.path / "case.json").is_file():
-            side.cases[provenance.get("case")] = folder.read_json("case.json")
+            told = folder.read_json("case.json")
+            told.pop("model_file", None)  # where it was is no condition; its checksum is in the provenance
+            side.cases[provenance.get("case")] = told
     if not swept:
         side.runs += [Run(row, folder, _point(row)) for row in ledger.rows(sweep=True)]
     if ledger.refused:

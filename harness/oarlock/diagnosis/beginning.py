@@ -18,6 +18,7 @@ from oarlock.mechanics.load import load_model
 from oarlock.mechanics.prepare import load_mechanism, set_integrator
 from oarlock.mechanics.state_log import StateLog
 from oarlock.stepping.beginning import Beginning, beginning_of_case, beginning_of_file
+from oarlock.stepping.logged import beginning_of_log
 from oarlock.stepping.start import consistent_start
 
 DURATION_S = 2.0
@@ -47,9 +48,9 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
         found.ignored = ignore_inequalities(found.model)
     if options.states is not None:
         log = found.states = StateLog(Path(options.states), model)
-        found.qpos, found.qvel, found.act = log.qpos[0].copy(), log.qvel[0].copy(), log.act[0].copy()
-        found.begins, found.laws = f"the {log}", log.laws
-        found.driven = "the controls of the log" if log.laws else "no controls"
+        begins = beginning_of_log(log)
+        found.qpos, found.qvel, found.act = begins.qpos, begins.qvel, begins.act
+        found.begins, found.laws, found.driven = begins.begins, begins.laws, begins.driven
         found.steps = min(found.steps, len(log)) if options.duration else len(log)
     elif options.motion.controller is not None:
         start = (found.qpos, found.qvel, found.act)

@@ -133,11 +133,13 @@ def begun(model: "Model", options: CheckOptions) -> "Examination":
     """
     require_threads()
     from oarlock.diagnosis.beginning import begin
-    from oarlock.mechanics.given import path_of
+    from oarlock.mechanics.given import as_given, path_of
 
     file = path_of(model)
     with one_thread(), mujoco_ends_in_a_line(file):
-        return begin(str(file), options)
+        begun = begin(str(file), options)
+    begun.file = as_given(begun.file)
+    return begun
 
 
 def parts(examination: "Examination") -> Iterator[str]:

@@ -76,15 +76,14 @@ class CheckOptions:
             choose("integrator", self.integrator, RUNNING)
         if isinstance(self.hold, str):
             raise InputError(f"hold = {self.hold!r}, expected a list of joints")
-        if self.states is not None and self.motion.given:
-            raise InputError("a start or controls besides a log of states, expected one of the two: the log has both")
+        _ = self.motion
         if self.states is not None and self.lint:
             raise InputError("a log of states with lint, expected one of the two: a lint looks at no run")
 
     @property
     def motion(self) -> Motion:
         """Where the run starts and what drives it."""
-        return Motion(self.keyframe, self.controls, self.control, self.seed)
+        return Motion(self.keyframe, self.controls, self.control, self.seed, self.states)
 
 
 def usual_target(size: float) -> float:

@@ -15,6 +15,7 @@ from oarlock.diagnosis.loops.wrenches import Series, wrenches
 from oarlock.diagnosis.runs.beside import find_beside
 from oarlock.mechanics.engine_version import SLEEP
 from oarlock.mechanics.inequalities import IGNORED
+from oarlock.mechanics.made_of import MadeOf
 from oarlock.poses.assembly import Assembly
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import REFERENCE, SolverSpec
@@ -92,8 +93,7 @@ def reactions(
         InputError: an equality of a kind whose rows are not known; a state that is not finite, or that of another
             model.
     """
-    if (len(data.qpos), len(data.qvel), len(data.eq_active)) != (model.nq, model.nv, model.neq):
-        raise InputError("the data belongs to another model, expected one that was made of this model")
+    MadeOf(model, model).require(data)
     if not (np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()):
         raise InputError(f"the state is not finite: qpos {data.qpos}, qvel {data.qvel}")
     model, data = copy.copy(model), copy.copy(data)

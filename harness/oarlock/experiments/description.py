@@ -2,9 +2,10 @@
 
 from typing import Any
 
-from oarlock.cases.case import Case
+from oarlock.cases.case import MODELS, Case
 from oarlock.cases.claims import load_claims
 from oarlock.cases.judging import Gate
+from oarlock.mechanics.given import as_given
 from oarlock.mechanics.names import coordinates, equalities
 from oarlock.mechanics.reactions import verdict
 from oarlock.stepping.prepared import PreparedCase
@@ -32,13 +33,19 @@ def describe(setup: PreparedCase) -> dict[str, Any]:
 def case_document(case: Case, model: dict[str, Any]) -> dict[str, Any]:
     """The contents of ``case.json``: the case with the description of its model and the claims of its paper.
 
+    ``model_file`` is where its model was; None of one that comes with oarlock, which its name
+    finds, and of one that a program held.
+
     Raises:
         InputError: the file of the claims is missing or malformed.
     """
     contents = {**case.file.model_dump(), "expect": case.expected(), "parameters": case.parameters}
     if contents["paper"]:
         contents["paper"]["claims"] = [claim.model_dump() for claim in load_claims(case)]
-    return {"name": case.name, "model": model, **contents}
+    path = case.model_path.resolve()
+    gone = path.is_relative_to(MODELS.resolve()) or as_given(str(path)) != str(path)
+    place = None if gone else str(path)
+    return {"name": case.name, "model_file": place, "model": model, **contents}
 
 
 def expectations(case: Case, model: dict[str, Any]) -> list[Verdict]:

@@ -1,14 +1,16 @@
 """Turns tasks into finished runs: takes their walks on the native path or on the Python path."""
 
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Event
 
 from oarlock.base.core import MultiplierSolver
-from oarlock.base.errors import InputError
+from oarlock.base.errors import InputError, RefusedError
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.conditions import OWN, Conditions
@@ -18,6 +20,7 @@ from oarlock.experiments.modes import MODES
 from oarlock.experiments.task import Task, Walk
 from oarlock.stepping import native_path
 from oarlock.stepping.beginning import Beginning
+from oarlock.stepping.ending import Ending
 from oarlock.stepping.native_path import NativePath
 from oarlock.stepping.path import Path as SteppingPath
 from oarlock.stepping.path import Spools, Tick, silent
@@ -29,6 +32,9 @@ from oarlock.stepping.start import ConsistentStart
 from oarlock.tables.promise import ended
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
+
+_NAMED = re.compile(r"solver '([^']+)': ")
+"""What the message begins with of a solver that somebody brought along and that did not answer."""
 
 
 class _StoppedError(Exception):
@@ -61,7 +67,7 @@ class Laboratory:
         # Not always the system's own folder: that may be memory, and where the results go there must be room anyway.
         self._spools: Spools = partial(spools, schema=SCHEMA, folder=folder)
         # It knows the case's own start only.
-        self._truth = load_truth(case) if conditions.seed is None else None
+        self._truth = load_truth(case) if conditions.seed is None and conditions.motion.states is None else None
         self._stepping = stepping
         self._setups: dict[tuple[IntegratorName, str], PreparedCase] = {}
         self._start: ConsistentStart | None = None
@@ -119,10 +125,12 @@ class Laboratory:
 
     def _take(self, walk: Walk, setup: PreparedCase, path: SteppingPath) -> list[RunResult]:
         projector = TRACKED.with_defaults(rank_cut=self.case.file.rank_cut) if walk.task.projected else None
-        tables, ending = MODES[walk.task.mode].take(path, walk.task, projector)
-        message = ending.message() if ending else ""
+        tables = _tables(path, walk, projector)
         keys = walk.keys(self.case.name, setup.timestep_s, setup.steps, path.name)
-        return [_result(key, steps, message) for key, steps in zip(keys, tables, strict=True)]
+        return [
+            _result(key, steps, ending.message() if ending else "")
+            for key, (steps, ending) in zip(keys, tables, strict=True)
+        ]
 
     def _shared(self, integrator: IntegratorName, settings: str) -> PreparedCase:
         """A setup for all walks that ask for the same: they leave it as it is."""
@@ -159,6 +167,38 @@ class Laboratory:
 
     def _make(self, spec: SolverSpec) -> MultiplierSolver:
         return spec.with_defaults(rank_cut=self.case.file.rank_cut).make()
+
+
+def _tables(path: SteppingPath, walk: Walk, projector: SolverSpec | None) -> list[tuple[Spool, Ending | None]]:
+    """The table of each who answers along a walk, and how it ended.
+
+    A solver of somebody's own that does not answer any more ends its own run: the others take the walk anew without it.
+    """
+    task = walk.task
+    tables, ending = MODES[task.mode].take(path, task, projector)
+    failed = _failed(task, ending)
+    if failed is None:
+        return [(table, ending) for table in tables]
+    others = replace(task, solvers=tuple(solver for solver in task.solvers if solver.name != failed))
+    left = Walk(others, tuple(answer for answer in walk.answers if answer[0].name != failed))
+    again = iter(_tables(path, left, projector))
+    found = []
+    for table, (solver, _) in zip(tables, walk.answers, strict=True):
+        if solver.name == failed:
+            found.append((table, ending))
+        else:
+            table.close()
+            found.append(next(again))
+    return found
+
+
+def _failed(task: Task, ending: Ending | None) -> str | None:
+    """Name of the solver that ended a walk which is not its own, and on which others answer."""
+    if ending is None or ending.step == 0 or isinstance(ending.error, RefusedError):
+        return None
+    named = _NAMED.match(ending.reason)
+    names = {solver.name for solver in task.solvers}
+    return named[1] if named and named[1] in names - {task.walker.name} and len(names) > 1 else None
 
 
 def _result(key: RunKey, steps: Spool, message: str) -> RunResult:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, get_args
 
 from oarlock.base.arguments import require_count, require_number
@@ -39,6 +40,9 @@ class RunOptions:
         control: actuator → control, a number or a law of the time t in s; or a controller, called with model and data
             before every step of MuJoCo's own run to write ``data.ctrl``: everybody is given what it commands there.
         seed: of random controls.
+        states: log of states ``FILE.csv`` or ``FILE.npz``, as of ``mechanics.state_log``, in place of MuJoCo's own
+            run: what a program really did. It has the start and the controls. Solvers answer at its states, and walk
+            from its first one, closed. Stepped in Python.
         timestep: timestep, s.
         duration: duration, s.
         rtol: relative tolerance of the solvers that have one.
@@ -62,6 +66,7 @@ class RunOptions:
     controls: str | None = None
     control: Control = field(default_factory=dict)
     seed: int = 0
+    states: str | Path | None = None
     timestep: float | None = None
     duration: float | None = None
     rtol: float | None = None
@@ -107,4 +112,4 @@ class RunOptions:
     @property
     def motion(self) -> Motion:
         """Where the runs start and what drives them."""
-        return Motion(self.keyframe, self.controls, self.control, self.seed)
+        return Motion(self.keyframe, self.controls, self.control, self.seed, self.states)

@@ -1,14 +1,17 @@
 """The mechanism as points and lines, from its kinematics: what a drawing needs, without the model."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from oarlock.base.errors import InputError
 from oarlock.mechanics.names import Equality, element_name, equalities
 from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
+from oarlock.mechanics.shapes import body_poses, shapes_of
+from oarlock.render.solids import coarse
 from oarlock.tables.spool import Spool
 
 TRACE_POINTS = 240
@@ -82,10 +85,24 @@ def sketch(model: mujoco.MjModel, start: np.ndarray, path: np.ndarray) -> dict[s
         for trace, end in zip(traces, ends, strict=True):
             trace.append(end.point(model, data).tolist())
     return {
+        "solids": _solids(model, start),
         "equalities": [equality.name for equality in equalities(model)],
         "bodies": bodies,
         "anchors": anchors,
         "traces": traces,
+    }
+
+
+def _solids(model: mujoco.MjModel, start: np.ndarray) -> dict[str, Any] | None:
+    """The geoms at the start, with coarse meshes; None where there are too many to draw."""
+    try:
+        shapes, meshes = shapes_of(model)
+    except InputError:
+        return None
+    return {
+        "shapes": [asdict(shape) for shape in shapes if shape.kind != "plane"],
+        "meshes": [[np.round(points, 6).tolist(), faces.tolist()] for points, faces in coarse(meshes)],
+        "poses": body_poses(model, start[None])[0].tolist(),
     }
 
 

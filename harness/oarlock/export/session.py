@@ -177,7 +177,9 @@ def _compare(exported: Exported, model: mujoco.MjModel, answer: Answer) -> None:
     said += found
     if not found:
         compared = {"body_masses": "masses", "body_places": "places", "velocities": "velocities", "rows": "rows"}
-        said.append(f"as written: {', '.join(what for key, what in compared.items() if key in facts)}")
+        lacks = [one.element for one in exported.export.left if one.moves]
+        but = f", without {few(lacks)}" if lacks else ""
+        said.append(f"as written{but}: {', '.join(what for key, what in compared.items() if key in facts)}")
 
 
 def _rows(model: mujoco.MjModel) -> int:

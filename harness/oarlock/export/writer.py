@@ -44,6 +44,10 @@ _OTHERS = {
 """Count ``n…`` of a model → what is never written."""
 
 
+_STILL = ("sensor", "camera", "light", "keyframe", "skin", "site")
+"""Those of them that no motion depends on."""
+
+
 @dataclass(frozen=True)
 class Left:
     """An element that is not in the export.
@@ -51,10 +55,12 @@ class Left:
     Attributes:
         element: in words, such as ``joint equality 'mirror'``.
         why: the reason.
+        moves: whether a motion may depend on it.
     """
 
     element: str
     why: str
+    moves: bool = True
 
     def __str__(self) -> str:
         return f"{self.element}: {self.why}"
@@ -146,8 +152,8 @@ class Writer:
         export.text = ET.tostring(root, encoding="unicode") + "\n"
         return export
 
-    def _leave(self, element: str, why: str) -> None:
-        self._export.left.append(Left(element, why))
+    def _leave(self, element: str, why: str, moves: bool = True) -> None:
+        self._export.left.append(Left(element, why, moves))
 
     def _floats(self) -> bool:
         """Whether all bodies are on one free body, and nothing else is."""
@@ -411,7 +417,11 @@ class Writer:
         others = _OTHERS if self._reader.sites else {**_OTHERS, "site": "site"}
         for count, what in others.items():
             if number := int(getattr(self._model, f"n{count}", 0)):
-                self._leave(f"{number} {what}{'' if number == 1 else 's' if what[-1] != 'x' else 'es'}", "not written")
+                self._leave(
+                    f"{number} {what}{'' if number == 1 else 's' if what[-1] != 'x' else 'es'}",
+                    "not written",
+                    what not in _STILL,
+                )
 
 
 def _text(numbers: Iterable[float]) -> str:

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, one_line
+from oarlock.mechanics.given import as_given
 from oarlock.mechanics.load import quiet_engine
 
 
@@ -17,7 +18,8 @@ from oarlock.mechanics.load import quiet_engine
 def mujoco_ends_in_a_line(what: object = "") -> Iterator[None]:
     """Turns MuJoCo's fatal errors into one line, and keeps it from its own words, as ``quiet_engine`` does.
 
-    So do decompositions that fail: of a model that is sound none does.
+    So do decompositions that fail: of a model that is sound none does. A message of ours names what was given,
+    and not the file that stands for it.
 
     Args:
         what: the model, for a message about one of several.
@@ -25,10 +27,14 @@ def mujoco_ends_in_a_line(what: object = "") -> Iterator[None]:
     Raises:
         InputError: MuJoCo cannot go on, or a matrix has no decomposition.
     """
-    begins = f"{what}: " if what else ""
+    begins = as_given(f"{what}: ") if what else ""
     try:
         with quiet_engine():
             yield
+    except InputError as error:
+        if (said := as_given(str(error))) == str(error):
+            raise
+        raise type(error)(said) from None
     except (mujoco.FatalError, mujoco.UnexpectedError) as error:
         raise InputError(f"{begins}MuJoCo cannot go on: {one_line(error)[:300]}") from None
     except np.linalg.LinAlgError as error:

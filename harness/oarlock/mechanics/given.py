@@ -16,10 +16,15 @@ from oarlock.mechanics.engine_version import too_old
 Model = str | Path | mujoco.MjModel | mujoco.MjSpec
 """A name, a path, MJCF as text, a compiled model, or a specification of one."""
 
+TEXT = "the MJCF that was given"
+
 COMPILED = ".mjb"
 """Ending of what stands for a compiled model."""
 
 _compiled: dict[Path, mujoco.MjModel] = {}
+
+_given: dict[Path, str] = {}
+"""A file that stands for a model → what was given."""
 
 
 def path_of(model: Model) -> str | Path:
@@ -42,9 +47,17 @@ def path_of(model: Model) -> str | Path:
     if not isinstance(compiled, mujoco.MjModel):
         raise InputError(f"model is a {type(model).__name__}, expected a name, a path, MJCF, an MjModel or an MjSpec")
     path = _place(compiled.names.partition(b"\0")[0].decode(errors="replace"), COMPILED)
+    _given[path] = f"the {type(model).__name__}"
     mujoco.mj_saveModel(compiled, str(path), None)
     _compiled[path] = compiled
     return path
+
+
+def as_given(text: str) -> str:
+    """A message with what was given in place of the files that stand for it."""
+    for path, what in _given.items():
+        text = text.replace(f"'{path}'", what).replace(str(path), what)
+    return text
 
 
 def compiled_at(path: Path) -> mujoco.MjModel:
@@ -62,10 +75,9 @@ def _of_text(text: str) -> Path:
     try:
         spec = mujoco.MjSpec.from_string(text)
     except ValueError as error:
-        raise InputError(
-            f"the MJCF that was given: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}"
-        ) from None
+        raise InputError(f"{TEXT}: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}") from None
     path = _place(spec.modelname, ".xml")
+    _given[path] = TEXT
     path.write_text(text, encoding="utf-8")
     return path
 

@@ -14,7 +14,7 @@ from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
 from oarlock.cases.case import refuse_code
 from oarlock.mechanics.engine_version import full_mass, too_old
-from oarlock.mechanics.given import COMPILED, compiled_at
+from oarlock.mechanics.given import COMPILED, as_given, compiled_at
 from oarlock.mechanics.limits import require_moderate, require_moderate_model
 
 
@@ -56,7 +56,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None, *, close
                 f"{path}: the mass matrix is not positive definite in the model's own pose, expected masses, "
                 "inertias and armatures > 0"
             )
-        warnings.warn(f"{path}: MuJoCo warns: {one_line(text)}", stacklevel=2)
+        warnings.warn(as_given(f"{path}: MuJoCo warns: {one_line(text)}"), stacklevel=2)
     if model.neq == 0 and closed:
         raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop")
     if model.nv == 0:

@@ -62,6 +62,20 @@ def tendon_servos(model: mujoco.MjModel) -> Iterator[Servo]:
         yield from _servo(model, index, tendon=int(model.actuator_trnid[index, 0]))
 
 
+def holding(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray | None:
+    """Controls (nu) with which the position servos of a model hold a pose (nq), the others 0; None where all are.
+
+    Those of joints and of tendons, each as far as its ctrlrange allows.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_fwdPosition(model, data)
+    found = np.zeros(model.nu)
+    for one in (*servos(model), *tendon_servos(model)):
+        found[one.index] = one.told(model, one.holding(float(data.actuator_length[one.index]) / one.gear))
+    return found if found.any() else None
+
+
 def _servo(model: mujoco.MjModel, index: int, *, joint: int = -1, tendon: int = -1) -> Iterator[Servo]:
     gear, gain = float(model.actuator_gear[index, 0]), float(model.actuator_gainprm[index, 0])
     constant, slope = model.actuator_biasprm[index, :2].tolist()

@@ -44,7 +44,7 @@ def draw(tables: Tables) -> list[Figure]:
     drawn = [
         Figure(
             "mechanism",
-            "The mechanism at its start, from its kinematics; dashed: the paths of the points where its loops close.",
+            "The mechanism at its start, joints over geoms; dashed: the paths of the points where its loops close.",
             figures.mechanism(tables.sketch),
         )
     ]

@@ -8,6 +8,7 @@ import altair as alt
 import numpy as np
 import polars as pl
 
+from oarlock.base.shapes import Shape
 from oarlock.render.charts import (
     COLOURS,
     HEIGHT,
@@ -20,6 +21,7 @@ from oarlock.render.charts import (
     log_axis,
     sampled,
 )
+from oarlock.render.solids import Outline, outlines
 
 STRETCHES = 20_000
 """Rows that a table longer than ``LONG`` is condensed to before figures are drawn from it."""
@@ -205,6 +207,15 @@ def _view(sketch: dict[str, Any]) -> np.ndarray:
     return np.eye(3)[~flat] if flat.sum() == 1 else VIEW
 
 
+def _solids(given: dict[str, Any] | None, view: np.ndarray) -> list[Outline]:
+    """The geoms of a sketch, back to front; of one without them none."""
+    if given is None:
+        return []
+    shapes = [Shape(**one) for one in given["shapes"]]
+    meshes = [(np.array(points, dtype=float), np.array(faces, dtype=int)) for points, faces in given["meshes"]]
+    return outlines(shapes, meshes, np.array(given["poses"], dtype=float), np.array([*view, np.cross(*view)]))
+
+
 def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
     """Draws the mechanism at its start, with the paths of the anchors of its loops."""
     view = _view(sketch)
@@ -225,7 +236,9 @@ def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
         for number, points in enumerate(sketch["traces"])
         for order, p in enumerate(project(points[::every]))
     ]
+    solids = _solids(sketch.get("solids"), view)
     everything = np.array([(p["u"], p["v"]) for p in [*hubs, *anchors, *trace]] + [(k["u2"], k["v2"]) for k in links])
+    everything = np.concatenate([everything, *(one.points for one in solids if one.body)])
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.05 * float((high - low).max() or 1.0)
     span = high - low + 2 * margin
@@ -234,6 +247,18 @@ def mechanism(sketch: dict[str, Any]) -> alt.TopLevelMixin:
     x = alt.X("u:Q", axis=None, scale=alt.Scale(domain=[low[0] - margin, high[0] + margin], nice=False))
     y = alt.Y("v:Q", axis=None, scale=alt.Scale(domain=[low[1] - margin, high[1] + margin], nice=False))
     layers = []
+    if solids:
+        table = [
+            {"u": x, "v": y, "order": order, "part": number, "fill": one.colour}
+            for number, one in enumerate(solids)
+            for order, (x, y) in enumerate(np.round(one.points, 5).tolist())
+        ]
+        parts = alt.Chart(pl.DataFrame(table)).mark_line(
+            filled=True, interpolate="linear-closed", stroke="#888", strokeWidth=0.5, fillOpacity=0.45
+        )
+        layers.append(
+            parts.encode(x=x, y=y, order="order:Q", detail="part:N", fill=alt.Fill("fill:N", scale=None, legend=None))
+        )
     if trace:
         path = alt.Chart(pl.DataFrame(trace)).mark_line(color="#999", strokeDash=[3, 3], strokeWidth=1)
         layers.append(path.encode(x=x, y=y, order="order:Q", detail="trace:N"))

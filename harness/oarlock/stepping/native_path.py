@@ -59,6 +59,8 @@ def refusal() -> str:
 
 def refusal_of(prepared: Prepared) -> str:
     """Why it cannot be taken for what is prepared; empty if it can."""
+    if prepared.states is not None:
+        return "a log of states is gone through on the Python path only"
     return "mocap bodies move on the Python path only" if prepared.drive.mocaps else ""
 
 

@@ -1,6 +1,7 @@
 """A model made ready to be walked, bare or that of a case: what every path of stepping starts from."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -8,6 +9,7 @@ import polars as pl
 
 from oarlock.base.arrays import largest
 from oarlock.base.errors import InputError
+from oarlock.base.numbers import figure
 from oarlock.cases.case import Case
 from oarlock.cases.conditions import OWN, Conditions
 from oarlock.cases.integrators import IntegratorName
@@ -18,8 +20,10 @@ from oarlock.mechanics.energy import Energy
 from oarlock.mechanics.inequalities import ignore_inequalities, may_act, refuse_unsupported
 from oarlock.mechanics.observed import Observed
 from oarlock.mechanics.prepare import load_mechanism
+from oarlock.mechanics.state_log import StateLog
 from oarlock.stepping.beginning import Beginning, along_run, beginning_of_case
 from oarlock.stepping.closing import CONSISTENT
+from oarlock.stepping.logged import beginning_of_log, strays
 from oarlock.stepping.projection import gap
 from oarlock.stepping.published import PublishedValues
 from oarlock.stepping.start import ConsistentStart, consistent_start
@@ -60,6 +64,7 @@ class Prepared:
         published: what is printed for some of the steps.
         left: what the rows of the start leave open where they contradict one another, m or rad; 0 if it is merely open.
         conserves_energy: whether energies of a free run are worth noting.
+        states: a log that takes the place of MuJoCo's own run; None: there is none.
     """
 
     def __init__(
@@ -74,6 +79,7 @@ class Prepared:
         observed: Observed | None = None,
         trajectory: TruthTrajectory | None = None,
         published: PublishedValues | None = None,
+        states: StateLog | None = None,
     ):
         """Takes a model as it stands.
 
@@ -87,7 +93,9 @@ class Prepared:
             observed: the joint or site that ``trajectory`` speaks of.
             trajectory: where an outside truth says that it is.
             published: what is printed for some of the steps; nothing if left out.
+            states: a log that takes the place of MuJoCo's own run.
         """
+        self.states = states
         self.model, self.drive = model, drive
         self.qpos, self.qvel = qpos, qvel
         self.act = np.zeros(model.na) if act is None else act
@@ -189,16 +197,24 @@ class PreparedCase(Prepared):
         ignoring = conditions.ignore_inequalities or case.file.run.ignore_inequalities
         self.ignored = ignore_inequalities(model) if ignoring else None
         refuse_unsupported(model)
-        self.begins = beginning_of_case(model, case, conditions.motion)
+        self.begins, motion, states = beginning_of_case(model, case, conditions.motion), conditions.motion, None
+        if motion.states is not None:
+            states = StateLog(Path(motion.states), model)
+            self.begins = beginning_of_log(states)
         self.start: ConsistentStart = start or consistent_start(model, case, conditions.seed, self.begins)
         steps = _steps(case, conditions.duration_s, float(model.opt.timestep))
+        if states is not None:
+            steps = min(steps, len(states)) if conditions.duration_s else len(states)
         begins = replace(self.begins, qpos=self.start.qpos, qvel=self.start.qvel)
-        begins = commanded or along_run(model, begins, conditions.motion, steps)
+        begins = commanded or along_run(model, begins, motion, steps)
         self.begins = replace(self.begins, laws=begins.laws, driven=begins.driven)
         drive = controls.drive(model, self.begins.laws)
-        self.told = str(self.begins) if case.bare or conditions.motion.given else None
+        self.told = str(self.begins) if case.bare or motion.given else None
         if self.told and case.substituted and integrator == case.file.run.integrator:
             self.told += f"; {case.substituted}"
+        if self.told and states is not None:
+            off = strays(model, states, steps)
+            self.told += f"; a step of the model from a row of the log misses the next by up to {figure(off)}"
         own = timestep_s is None
         published = PublishedValues(model, case.file.published, f"[[published]] of case '{case.name}'", own=own)
         if published.last_step == steps:
@@ -216,6 +232,7 @@ class PreparedCase(Prepared):
             observed=observed,
             trajectory=truth if known else None,
             published=published,
+            states=states,
         )
         self.truth: pl.DataFrame | None = None
         if known:

@@ -31,6 +31,7 @@ from oarlock.stepping.figures import (
     pushing,
     solving,
 )
+from oarlock.stepping.logged import own_walker
 from oarlock.stepping.moving import Moving
 from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
 from oarlock.stepping.prepared import Prepared
@@ -38,7 +39,7 @@ from oarlock.stepping.projection import Projector
 from oarlock.stepping.question import Question, SolvedForce
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 from oarlock.stepping.state import State
-from oarlock.stepping.walkers import ForcedWalker, MujocoForce, MujocoWalker, Walker, is_sane, walk
+from oarlock.stepping.walkers import ForcedWalker, MujocoForce, Walker, is_sane, walk
 from oarlock.tables.columns import table_of_rows
 from oarlock.tables.figures import Walk
 from oarlock.tables.spool import Spool
@@ -202,11 +203,15 @@ class _Table:
 
 
 class Companion:
-    """MuJoCo's own trajectory, beside another one. Run it inside ``drive.installed()``, as ``MujocoWalker``."""
+    """MuJoCo's own trajectory, beside another one. Run it inside ``drive.installed()``, as ``MujocoWalker``.
 
-    def __init__(self, prepared: Prepared):
+    A log of states takes its place, unless it is to be the ``model``'s.
+    """
+
+    def __init__(self, prepared: Prepared, *, model: bool = False):
         self._prepared = prepared
-        self._walker = MujocoWalker(prepared.model, prepared.data(), prepared.drive)
+        states = None if model else prepared.states
+        self._walker = own_walker(prepared.model, prepared.data(), prepared.drive, states)
 
     def compare(self, qpos: np.ndarray) -> float | None:
         """How far positions are from it (rad or m), None where it did not get to; then takes its next step."""
@@ -278,7 +283,7 @@ class Calibration:
         self._prepared = prepared
         model = prepared.model
         self.walker = ForcedWalker(model, prepared.data(), prepared.drive, MujocoForce(model))
-        self._theirs = Companion(prepared)
+        self._theirs = Companion(prepared, model=True)
         self._moving = Moving.of(model, prepared.drive)
 
     def begin(self, step: int) -> list[Row]:
@@ -315,7 +320,7 @@ class Lockstep:
         self._projector: Projector | None = None
         if projector and leader:
             self._projector = Projector(model, solver=projector, left=prepared.left, moving=moving)
-        self.walker: Walker = MujocoWalker(model, data, prepared.drive)
+        self.walker: Walker = own_walker(model, data, prepared.drive, prepared.states)
         if self._force is not None:
             self.walker = ForcedWalker(model, data, prepared.drive, self._force, self._projector, moving, follows=True)
         self._asked = [(Question(self._state, form), solvers) for form, solvers in asked]
@@ -359,7 +364,7 @@ class OneStep:
 
     def __init__(self, prepared: Prepared, terms: Baumgarte, asked: list[tuple[Form, MultiplierSolver]]):
         self._prepared = prepared
-        self.walker = MujocoWalker(prepared.model, prepared.data(), prepared.drive)
+        self.walker = own_walker(prepared.model, prepared.data(), prepared.drive, prepared.states)
         self._data = prepared.data()
         model, drive, moving = prepared.model, prepared.drive, Moving.of(prepared.model, prepared.drive)
         self._state = State(model, self._data, terms, moving)
@@ -400,7 +405,7 @@ class FreeMujoco:
     def __init__(self, prepared: Prepared, terms: Baumgarte):
         self._prepared = prepared
         data = prepared.data()
-        self.walker = MujocoWalker(prepared.model, data, prepared.drive)
+        self.walker = own_walker(prepared.model, data, prepared.drive, prepared.states)
         self._moving = Moving.of(prepared.model, prepared.drive)
         self._state = State(prepared.model, data, terms, self._moving)
         self._energy = prepared.energy()

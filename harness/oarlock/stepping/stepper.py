@@ -3,7 +3,6 @@
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import mujoco
 import numpy as np
@@ -13,6 +12,7 @@ from oarlock.base.arguments import require_number
 from oarlock.base.errors import InputError, choose
 from oarlock.base.options import Number
 from oarlock.mechanics.inequalities import refuse_unsupported
+from oarlock.mechanics.made_of import MadeOf
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.stepping import native_path
 from oarlock.stepping.closing import close
@@ -21,9 +21,6 @@ from oarlock.stepping.solvers import SolverSpec
 
 STABILISATIONS = ("projection", "baumgarte", "both", "none")
 """What keeps exact constraints from drifting."""
-
-_SIZES = ("nq", "nv", "na", "nu", "nbody", "njnt", "ngeom", "nsite", "neq", "ntendon", "nmocap", "nM")
-"""By which it is told whether a data was made of a model like this one."""
 
 DAMPING, STIFFNESS = 50.0, 2500.0
 """β (1/s) and k (1/s²) of Baumgarte's terms where none are given: critically damped, within hundredths of a second."""
@@ -109,7 +106,7 @@ class Stepper:
         damped = stabilisation in ("baumgarte", "both")
         self._model, self._scratch = own, mujoco.MjData(own)
         # No method: the core would keep what keeps the core.
-        self._require = partial(_require, [getattr(model, name) for name in _SIZES])
+        self._require = MadeOf(model, own).require
         self._core = core.Stepper(
             own,
             solver=SolverSpec.parse(solver).make(),
@@ -198,14 +195,3 @@ class Stepper:
     def reset(self) -> None:
         """Forgets what was learned in earlier steps; do so before another start that is far from the last state."""
         self._core.reset()
-
-
-def _require(sizes: Sequence[int], data: mujoco.MjData) -> None:
-    """Refuses what is no data, or that of a model of other sizes."""
-    if not isinstance(data, mujoco.MjData):
-        raise InputError(f"data is a {type(data).__name__}, expected an MjData")
-    for name, size in zip(_SIZES, sizes, strict=True):
-        if (found := getattr(data.model, name)) != size:
-            raise InputError(
-                f"data of a model with {name} = {found}, expected {size}: one that was made of the stepper's model"
-            )

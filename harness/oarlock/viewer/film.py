@@ -1,18 +1,15 @@
 """Both motions at some steps: where bodies and tendons are, how far equalities are off, what they pull with."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.page.motion import widest
-from oarlock.diagnosis.runs.exact import ExactRun
-from oarlock.diagnosis.runs.recording import Recording
-from oarlock.mechanics.controls import drive
+from oarlock.diagnosis.page.motion import Opened, widest
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import Equality
+from oarlock.mechanics.shapes import body_poses
 from oarlock.poses.assembly import anchors
 from oarlock.poses.layout import Layout
 from oarlock.viewer.packing import packed
@@ -34,6 +31,30 @@ ARRAYS = ("middles", "gaps", "forces", "off", "pulls", "drift", "tendons")
 
 STILL = 1e-12
 """m, or part of a turn. A body that moves by less stands still, and has no ghost."""
+
+
+class Track(Opened, Protocol):
+    """A run as its steps tell it, each at its start; rows in the layout."""
+
+    @property
+    def time(self) -> np.ndarray:
+        """(steps), s."""
+        ...
+
+    @property
+    def qpos(self) -> np.ndarray:
+        """(steps, nq)."""
+        ...
+
+    @property
+    def force(self) -> np.ndarray:
+        """(steps, rows), N or N m, in MuJoCo's sign; NaN where it is not known."""
+        ...
+
+    @property
+    def present(self) -> np.ndarray:
+        """Whether a row was there, (steps, rows)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -111,31 +132,37 @@ def _largest(vectors: np.ndarray) -> float:
     return float(np.nan_to_num(np.linalg.norm(vectors, axis=-1)).max(initial=0.0))
 
 
-def film(exam: Examination, recording: Recording) -> Film:
-    """Both motions of an examination at equally spaced steps, and at the one with the widest gap."""
-    model, layout = exam.model, recording.layout
+def film(model: mujoco.MjModel, driven: Drive, run: Track, exact: Track | None, *, finished: bool) -> Film:
+    """Both motions at equally spaced steps, and at the one with the widest gap.
+
+    Args:
+        model: of both.
+        driven: what moves its mocap bodies.
+        run: MuJoCo's own motion.
+        exact: the exact one, step by step beside the other, where it is known; it may be shorter.
+        finished: whether MuJoCo's run got to its end.
+    """
+    layout = run.layout
     joining = [place for place, one in enumerate(layout.equalities) if one.kind.joins_points]
-    finite = np.flatnonzero(np.isfinite(recording.qpos).all(axis=1))
+    finite = np.flatnonzero(np.isfinite(run.qpos).all(axis=1))
     each = 2 * (7 * model.nbody + 9 * len(joining) + len(layout.equalities) + 12 * model.ntendon)
     count = int(min(FRAMES, max(FEWEST, NUMBERS // each), len(finite)))
     spaced = finite[np.linspace(0, len(finite) - 1, count).astype(int)]
-    steps = np.unique([*spaced, widest(recording, finite)])
-    driven = drive(model, exam.laws)
-    sides = [_side("MuJoCo", model, recording, steps, recording.time[steps], joining, driven)]
-    exact = exam.exact
+    steps = np.unique([*spaced, widest(run, finite)])
+    sides = [_side("MuJoCo", model, run, steps, run.time[steps], joining, driven)]
     if exact is not None and len(exact.qpos):
         known = steps[steps < len(exact.qpos)]
         sides.append(_side("exact", model, exact, known, exact.time[known], joining, driven))
     ranges = [np.ptp(side.poses, axis=0).max(axis=1, initial=0.0) for side in sides]
     apart = np.abs(sides[0].poses[0] - sides[-1].poses[0]).max(axis=1)
     moving = np.flatnonzero(np.maximum(np.max(ranges, axis=0), apart) > STILL)
-    return Film(layout, recording.time[steps], steps, joining, sides, moving, recording.end.how == "finished")
+    return Film(layout, run.time[steps], steps, joining, sides, moving, finished)
 
 
 def _side(
     title: str,
     model: mujoco.MjModel,
-    run: Recording | ExactRun,
+    run: Track,
     steps: np.ndarray,
     times: np.ndarray,
     joining: list[int],
@@ -165,7 +192,6 @@ def _placed(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Poses of bodies, middles and gaps of equalities, and ways of tendons, at poses (n, nq) and times (n), s."""
     data, count = mujoco.MjData(model), len(qpos)
-    poses = np.zeros((count, model.nbody, 7))
     ends = np.zeros((count, len(joining), 2, 3))
     ways: list[list[np.ndarray]] = []
     spatial = [
@@ -177,7 +203,6 @@ def _placed(
         data.qpos[:], data.time = pose, times[at]
         driven.move(data)
         mujoco.mj_kinematics(model, data)
-        poses[at, :, :3], poses[at, :, 3:] = data.xpos, data.xquat
         for place, equality in enumerate(joining):
             ends[at, place] = anchors(model, data, equality)
         if spatial:
@@ -189,7 +214,7 @@ def _placed(
     for at, frame in enumerate(ways if width else []):
         for place, way in enumerate(frame):
             tendons[at, place, : len(way)], tendons[at, place, len(way) :] = way, way[-1] if len(way) else 0.0
-    return poses, ends.mean(axis=2), ends[:, :, 0] - ends[:, :, 1], tendons
+    return body_poses(model, qpos, times, driven), ends.mean(axis=2), ends[:, :, 0] - ends[:, :, 1], tendons
 
 
 def _way(data: mujoco.MjData, tendon: int) -> np.ndarray:

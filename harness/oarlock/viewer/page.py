@@ -30,11 +30,22 @@ def write(shown: Show, path: Path) -> int:
     """Writes the page; gives its size in bytes.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: its name is not that of a page, or it cannot be written.
     """
+    require_page(path)
     text = html(shown)
     write_text(path, text, named=True)
     return len(text.encode())
+
+
+def require_page(path: Path) -> None:
+    """Refuses a name that no browser takes for that of a page.
+
+    Raises:
+        InputError: it does not end in .html or .htm.
+    """
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"'{path}', expected the name of a page, OUT.html")
 
 
 @cache

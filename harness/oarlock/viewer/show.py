@@ -9,18 +9,22 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.base.shapes import rotated
 from oarlock.base.text import one_line
 from oarlock.diagnosis.checked import begun, parts
 from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page.chapters.head import head
 from oarlock.diagnosis.page.motion import Skeleton, drawing_plane, exaggeration
+from oarlock.diagnosis.runs.recording import Recording
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.coupled import coupled, coupled_ids
+from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 from oarlock.mechanics.given import Model
 from oarlock.mechanics.names import Equality
-from oarlock.viewer.film import Film, Side, film
+from oarlock.viewer.film import Film, Side, Track, film
 from oarlock.viewer.packing import packed
 from oarlock.viewer.scene import Scene, scene
 
@@ -49,6 +53,7 @@ class Show:
 
     Attributes:
         title: of the page; head: what was run.
+        model: what is shown.
         centre: of what moves, (3), m; extent: its diameter, m; towards: from there to whoever looks, (3).
         frame: width, height and depth of what moves as it is looked at, m.
         factor: by which gaps are exaggerated at first; newton: length of an arrow for a newton, m.
@@ -58,6 +63,7 @@ class Show:
 
     title: str
     head: str
+    model: mujoco.MjModel
     scene: Scene
     film: Film
     centre: np.ndarray
@@ -121,6 +127,32 @@ def show(model: Model, options: CheckOptions, part: Callable[[str], None] | None
         return shown(exam)
 
 
+@dataclass(frozen=True)
+class Footage:
+    """What a page is made of.
+
+    Attributes:
+        title: of the page; head: what was run.
+        model: of both motions; driven: what moves its mocap bodies.
+        run: MuJoCo's own motion, of at least a step; exact: the exact one, where there is one.
+        finished: whether MuJoCo's run got to its end.
+        loops: of the model, at a pose of the motion.
+        notes: what is not shown, or not as it is, and why.
+        steps: of MuJoCo's run.
+    """
+
+    title: str
+    head: str
+    model: mujoco.MjModel
+    driven: Drive
+    run: Track
+    exact: Track | None
+    finished: bool
+    loops: Loops | None
+    notes: list[str]
+    steps: int
+
+
 def shown(exam: Examination) -> Show:
     """What a page shows of an examination that has its runs.
 
@@ -130,25 +162,50 @@ def shown(exam: Examination) -> Show:
     recording = exam.recording
     if recording is None or not recording.steps:
         raise InputError(f"nothing to show: {exam.missing.get('run', 'the run has no step')}")
-    moving = film(exam, recording)
-    skeleton = Skeleton(exam.model, recording.layout.equalities)
-    lost = not moving.finished and len(moving.sides) == 1
-    points = skeleton.read(
-        _poses_at(exam, moving), moving.times[: len(moving.sides[-1].poses)], drive(exam.model, exam.laws)
+    return filmed(
+        Footage(
+            title=Path(exam.file).name,
+            head=head(exam),
+            model=exam.model,
+            driven=drive(exam.model, exam.laws),
+            run=recording,
+            exact=exam.exact,
+            finished=recording.end.how == "finished",
+            loops=exam.pose.loops if exam.pose else None,
+            notes=[*_exact(exam), *_ended(recording)],
+            steps=recording.steps,
+        )
     )
-    axes = _axes(*drawing_plane(exam, points))
+
+
+def filmed(given: Footage) -> Show:
+    """What a page shows of two motions.
+
+    Raises:
+        InputError: too many geoms.
+    """
+    model, run = given.model, given.run
+    moving = film(model, given.driven, run, given.exact, finished=given.finished)
+    skeleton = Skeleton(model, run.layout.equalities)
+    lost = not moving.finished and len(moving.sides) == 1
+    last = given.exact if given.exact is not None and len(moving.sides) > 1 else run
+    looked = moving.steps[: len(moving.sides[-1].poses)]
+    points = skeleton.read(last.qpos[looked], last.time[looked], given.driven)
+    axes = _axes(*drawing_plane(given.loops, points))
     corners = np.concatenate(
-        [points.reshape(-1, 3), *(_corners(exam.model, side, moving.moving) for side in moving.trusted)]
+        [points.reshape(-1, 3), *(_corners(model, side, moving.moving) for side in moving.trusted)]
     )
     corners = corners[np.isfinite(corners).all(axis=1)]
     low, high = (
         np.percentile(corners @ axes.T, LOST if lost else (0, 100), axis=0) if len(corners) else np.zeros((2, 3))
     )
     extent = float(np.linalg.norm(high - low)) or 1.0
-    made = scene(exam.model, skeleton, points[0], moving.sides[-1].poses[0], extent)
+    made = scene(model, skeleton, points[0], moving.sides[-1].poses[0], extent)
+    some = [f"{len(moving.steps)} of {given.steps} steps are shown."] if len(moving.steps) < given.steps else []
     return Show(
-        title=one_line(Path(exam.file).name),
-        head=head(exam),
+        title=one_line(given.title),
+        head=given.head,
+        model=model,
         scene=made,
         film=moving,
         centre=0.5 * (low + high) @ axes,
@@ -157,8 +214,8 @@ def shown(exam: Examination) -> Show:
         frame=high - low,
         factor=exaggeration(moving.gap, VISIBLE * extent),
         newton=LONG * extent / moving.force if moving.force > 0.0 else 1.0,
-        efforts=[_effort(exam.model, one) for one in recording.layout.equalities],
-        notes=[one_line(note) for note in [*_exact(exam), *_cut(exam, moving), *made.notes]],
+        efforts=[_effort(model, one) for one in run.layout.equalities],
+        notes=[one_line(note) for note in [*given.notes, *some, *made.notes]],
     )
 
 
@@ -173,22 +230,6 @@ def _corners(model: mujoco.MjModel, side: Side, moving: np.ndarray) -> np.ndarra
     own = model.geom_pos[geoms][:, None] + rotated(model.geom_quat[geoms][:, None], local)
     poses = side.poses[looks][:, model.geom_bodyid[geoms], None]
     return (poses[..., :3] + rotated(poses[..., 3:], own[None])).reshape(-1, 3)
-
-
-def _poses_at(exam: Examination, moving: Film) -> np.ndarray:
-    exact, recording = exam.exact, exam.recording
-    assert recording is not None
-    if len(moving.sides) > 1:
-        assert exact is not None
-        return exact.qpos[moving.steps[moving.steps < len(exact.qpos)]]
-    return recording.qpos[moving.steps]
-
-
-def rotated(quats: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (…, 3) turned by unit quaternions (…, 4)."""
-    w, axis = quats[..., :1], quats[..., 1:]
-    twice = 2.0 * np.cross(axis, vectors)
-    return vectors + w * twice + np.cross(axis, twice)
 
 
 def _axes(right: np.ndarray, up: np.ndarray) -> np.ndarray:
@@ -225,11 +266,7 @@ def _unclosed(exam: Examination) -> str:
     return "no pose near the start closes the loops" if not exam.closed else "not looked for"
 
 
-def _cut(exam: Examination, moving: Film) -> list[str]:
-    recording, notes = exam.recording, []
-    assert recording is not None
-    if recording.end.how != "finished":
-        notes.append(f"MuJoCo's run ends at t = {recording.end.time_s:.6g} s: {recording.end.message}.")
-    if len(moving.steps) < recording.steps:
-        notes.append(f"{len(moving.steps)} of {recording.steps} steps are shown.")
-    return notes
+def _ended(recording: Recording) -> list[str]:
+    if recording.end.how == "finished":
+        return []
+    return [f"MuJoCo's run ends at t = {recording.end.time_s:.6g} s: {recording.end.message}."]

@@ -1,5 +1,7 @@
 """The drawing is true: bodies are where MuJoCo has them, links end at joints, anchors that are apart look apart."""
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from mechanisms import write_model
 from oarlock.diagnosis.beginning import begin
 from oarlock.diagnosis.examination import examine
 from oarlock.diagnosis.options import CheckOptions
+from oarlock.diagnosis.page import motion as motions
 from oarlock.diagnosis.page.motion import Skeleton, motion, still
 from oarlock.experiments.sketch import sketch
 from oarlock.mechanics.names import equalities
@@ -51,6 +54,14 @@ APART = f"""{HEAD}
   <body name="swing" pos="0.35 0 0.4"><joint name="swing" axis="0 1 0"/><geom fromto="0 0 0 0.05 0 0.1"/></body>
   </worldbody><equality><connect name="knuckle" body1="upper" body2="swing" anchor="0.2 0 0.1"/></equality></mujoco>"""
 TIP = np.array([0.05, 0, 0.1])
+
+
+def examined(folder, xml):
+    exam = begin(str(write_model(folder, xml)), CheckOptions(budget=0.0, duration=0.05))
+    for part in examine(exam):
+        if part == "run":
+            break
+    return exam
 
 
 def skeleton_of(xml):
@@ -151,11 +162,7 @@ def test_an_anchor_in_the_air_is_no_end_of_a_link():
 
 
 def test_the_gap_is_on_the_page(tmp_path):
-    exam = begin(str(write_model(tmp_path, APART)), CheckOptions(budget=0.0, duration=0.05))
-    for part in examine(exam):
-        if part == "run":
-            break
-    moving = motion(exam)
+    moving = motion(examined(tmp_path, APART))
     assert "in the air" in moving.caption
     frame = moving.sides["MuJoCo"][moving.worst]
     ((tip, anchor),) = moving.document()["air"]
@@ -180,3 +187,35 @@ def test_the_sketch_of_a_case_is_true_too():
     swing = next(body for body in drawn["bodies"] if body["name"] == "swing")
     far = [np.linalg.norm(np.array(point) - drawn["anchors"][1]) for point in swing["points"]]
     assert min(far) > 0.05
+
+
+PIXEL = 1.5
+"""Units of the drawing: two whole numbers are compared with a third."""
+
+
+def test_geoms_are_drawn_where_their_bodies_are(tmp_path):
+    """The rod of a slider crank: its capsule lies along the line from its joint to its end."""
+    exam = examined(tmp_path, SLIDER_CRANK)
+    moving = motion(exam)
+    bone = moving.skeleton
+    at = [name for name, _ in bone.bodies].index("rod")
+    ((hub, end),) = bone.bodies[at][1]
+    found = moving.solids["exact"]
+    assert len(found) == len(moving.sides["exact"])
+    for frame, parts in zip(moving.sides["exact"], found, strict=True):
+        middles = [points.min(axis=0) + np.ptp(points, axis=0) / 2 for _, _, points in parts]
+        wanted = 0.5 * (frame[hub] + frame[end])
+        assert min(np.linalg.norm(middle - wanted) for middle in middles) < PIXEL
+        length = np.linalg.norm(frame[hub] - frame[end])
+        longest = max(np.linalg.norm(points[:, None] - points[None], axis=2).max() for _, _, points in parts)
+        assert longest > length
+    assert still(moving).count("<path") > still(dataclasses.replace(moving, solids={})).count("<path")
+
+
+def test_too_many_geoms_are_left_out(tmp_path, monkeypatch):
+    exam = examined(tmp_path, SLIDER_CRANK)
+    monkeypatch.setattr(motions, "NUMBERS", 2_000)
+    moving = motion(exam)
+    assert moving.solids == {}
+    assert all(side["solids"] == [] for side in moving.document()["sides"])
+    assert "<svg" in still(moving)

@@ -9,7 +9,6 @@ import xml.etree.ElementTree as ElementTree
 import mujoco
 import numpy as np
 import pytest
-from browser import Browser, executable
 from markdown_it import MarkdownIt
 from oarlock import InputError
 from oarlock.base.numbers import figure
@@ -402,15 +401,6 @@ def test_a_report_takes_the_place_of_the_old_one_and_of_nothing_else(four_bar, t
 # A real browser.
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    if executable() is None:
-        pytest.skip("there is no Chromium")
-    browser = Browser(tmp_path_factory.mktemp("browser"))
-    yield browser
-    browser.close()
-
-
 MOVING = "[...document.querySelectorAll('#stage path.body')].map(path => path.getAttribute('d')).join()"
 
 
@@ -428,6 +418,9 @@ def test_a_browser_draws_every_figure_and_says_nothing(browser, pages, name):
     assert before.count("M") >= len(moving["bodies"])
     browser.wait(f"{MOVING} !== {json.dumps(before)}")
     assert int(browser.ask("document.getElementById('time').value")) >= 0
+    solids = "document.querySelectorAll('#stage svg')[%d].querySelectorAll('.solids polygon').length"
+    counts = [{len(frame) for frame in side["solids"]} for side in moving["sides"]]
+    assert all(browser.ask(solids % number) in count for number, count in enumerate(counts))
     assert browser.said == []
     assert browser.asked == [(pages[name] / "index.html").resolve().as_uri()]
 

@@ -9,27 +9,38 @@ the body is drawn to its own end, and a dotted line joins that to the point. Pos
 import html
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 
+from oarlock.base.errors import InputError
 from oarlock.base.numbers import figure
+from oarlock.base.shapes import Mesh, Shape
 from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
-from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.loops.loops import Loops
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
+from oarlock.mechanics.shapes import body_poses, shapes_of
 from oarlock.poses.assembly import anchors
+from oarlock.poses.layout import Layout
 from oarlock.render.charts import VIEW
+from oarlock.render.solids import ROUND, coarse, outlines
 
 FRAMES = 140
 """Poses of a run that are drawn."""
 
+FEWEST = 20
+"""However large the model is, so many."""
+
 NUMBERS = 300_000
 """Coordinates of a page at most: with many bodies fewer poses are drawn."""
+
+FAINT = 0.5
+"""Opacity of geoms: the lines of the joints lie over them."""
 
 VISIBLE = 0.06
 """Of the drawing's size: so large the largest gap is drawn, at most."""
@@ -172,6 +183,10 @@ class Skeleton:
         return moved
 
 
+Solid = tuple[str, float, np.ndarray]
+"""Colour, opacity and corners (n, 2) on the drawing of a part of a geom."""
+
+
 @dataclass(frozen=True)
 class Motion:
     """What the page draws and moves.
@@ -184,6 +199,7 @@ class Motion:
         sides: title → coordinates (F or fewer, P, 2) on the drawing.
         height: of the drawing; its width is ``SIDE``.
         worst: pose with the largest gap.
+        solids: title → the geoms of each pose on the drawing, back to front; empty where there are too many.
     """
 
     skeleton: Skeleton
@@ -193,6 +209,7 @@ class Motion:
     sides: dict[str, np.ndarray]
     height: int
     worst: int
+    solids: dict[str, list[list[Solid]]]
 
     @property
     def caption(self) -> str:
@@ -219,6 +236,7 @@ class Motion:
             "times": [float(f"{time:.6g}") for time in self.times],
             "worst": self.worst,
             "factor": self.factor,
+            "faint": FAINT,
             "bodies": [
                 {"name": name, "colour": PALETTE[at % len(PALETTE)], "lines": lines}
                 for at, (name, lines) in enumerate(bone.bodies)
@@ -230,7 +248,14 @@ class Motion:
             "grounded": bone.grounded,
             "joints": bone.joints,
             "sides": [
-                {"title": title, "frames": [points.ravel().tolist() for points in frames]}
+                {
+                    "title": title,
+                    "frames": [points.ravel().tolist() for points in frames],
+                    "solids": [
+                        [[colour, opacity, *points.ravel().tolist()] for colour, opacity, points in frame]
+                        for frame in self.solids.get(title, [])
+                    ],
+                }
                 for title, frames in self.sides.items()
             ],
         }
@@ -244,7 +269,11 @@ def motion(exam: Examination) -> Motion | None:
     skeleton = Skeleton(exam.model, recording.layout.equalities)
     finite = np.flatnonzero(np.isfinite(recording.qpos).all(axis=1))
     exact = exam.exact if exam.exact is not None and len(exam.exact.qpos) else None
-    count = int(min(FRAMES, max(20, NUMBERS / (4 * max(1, skeleton.size)))))
+    shapes, meshes = _drawn(exam.model)
+    each = _numbers(shapes, meshes)
+    if FEWEST * each > NUMBERS:
+        shapes, each = [], 0
+    count = int(min(FRAMES, max(FEWEST, NUMBERS / (4 * max(1, skeleton.size) + 2 * each))))
     spaced = finite[np.linspace(0, len(finite) - 1, min(count, len(finite))).astype(int)]
     chosen = np.unique([*spaced, widest(recording, finite)])
     driven = drive(exam.model, exam.laws)
@@ -255,9 +284,16 @@ def motion(exam: Examination) -> Motion | None:
         beside = skeleton.read(exact.qpos[known], exact.time[known], driven)
     ended = recording.end.how == "finished"
     everything = points if ended or not len(beside) else beside
-    plane = drawing_plane(exam, everything)
-    flat = everything @ plane.T
-    low, high = (np.percentile(flat.reshape(-1, 2), q, axis=0) for q in ((0, 100) if ended or len(beside) else (2, 98)))
+    plane = drawing_plane(exam.pose.loops if exam.pose else None, everything)
+    axes = np.array([*plane, np.cross(*plane)])
+    placing = {"MuJoCo": body_poses(exam.model, recording.qpos[chosen], recording.time[chosen], driven)}
+    if exact is not None and len(beside):
+        placing["exact"] = body_poses(exam.model, exact.qpos[known], exact.time[known], driven)
+    flats = {title: [outlines(shapes, meshes, one, axes) for one in poses] for title, poses in placing.items()}
+    kept = flats["exact"] if len(beside) else flats["MuJoCo"]
+    rims = [one.points for frame in kept for one in frame if one.body]
+    flat = np.concatenate([(everything @ plane.T).reshape(-1, 2), *rims])
+    low, high = (np.percentile(flat, q, axis=0) for q in ((0, 100) if ended or len(beside) else (2, 98)))
     span = float((high - low).max()) or 1.0
     wide = np.linalg.norm(skeleton.gaps(points), axis=2).max(axis=1, initial=0.0)
     factor = exaggeration(float(wide.max(initial=0.0)), VISIBLE * span)
@@ -270,8 +306,8 @@ def motion(exam: Examination) -> Motion | None:
     height = int(np.clip((high[1] - low[1]) * scale, 0.3 * SIDE, 1.25 * SIDE))
     middle = 0.5 * (low + high)
 
-    def placed(points: np.ndarray) -> np.ndarray:
-        at = (points @ plane.T - middle) * scale * np.array([1.0, -1.0]) + 0.5 * np.array([SIDE, height])
+    def on_drawing(points: np.ndarray) -> np.ndarray:
+        at = (points - middle) * scale * np.array([1.0, -1.0]) + 0.5 * np.array([SIDE, height])
         return np.rint(np.clip(at, -3 * SIDE, 4 * SIDE)).astype(int)
 
     return Motion(
@@ -279,15 +315,50 @@ def motion(exam: Examination) -> Motion | None:
         factor,
         float(wide.max(initial=0.0)),
         recording.time[chosen],
-        {title: placed(points) for title, points in drawn.items()},
+        {title: on_drawing(points @ plane.T) for title, points in drawn.items()},
         height,
         int(wide.argmax()),
+        {
+            title: [[(one.colour, one.opacity, on_drawing(one.points)) for one in frame] for frame in frames]
+            for title, frames in flats.items()
+            if shapes
+        },
     )
 
 
-def widest(recording: Recording, finite: np.ndarray) -> int:
+def _drawn(model: mujoco.MjModel) -> tuple[list[Shape], list[Mesh]]:
+    """The geoms that are drawn; none where there are too many."""
+    try:
+        shapes, meshes = shapes_of(model)
+    except InputError:
+        return [], []
+    return [shape for shape in shapes if shape.kind != "plane"], coarse(meshes)
+
+
+def _numbers(shapes: list[Shape], meshes: list[Mesh]) -> int:
+    """Numbers of a drawing of them, about."""
+    each = {"mesh": 0, "box": 24, "cylinder": 3 * ROUND}
+    triangles = sum(3 * len(meshes[shape.mesh][1]) for shape in shapes if shape.mesh >= 0)
+    return triangles + sum(each.get(shape.kind, 2 * ROUND) for shape in shapes)
+
+
+class Opened(Protocol):
+    """A run as far as it tells how far its rows are open."""
+
+    @property
+    def layout(self) -> Layout:
+        """The rows."""
+        ...
+
+    @property
+    def position(self) -> np.ndarray:
+        """Their deviations, (steps, rows), m or rad."""
+        ...
+
+
+def widest(run: Opened, finite: np.ndarray) -> int:
     """The step, one of some, at which a connect or weld is open furthest."""
-    layout, position = recording.layout, recording.position
+    layout, position = run.layout, run.position
     wide = np.zeros(len(finite))
     for place, equality in enumerate(layout.equalities):
         if equality.kind.joins_points:
@@ -305,9 +376,9 @@ def exaggeration(gap: float, wanted: float) -> float:
     return float(round(max(step * power for step in (1, 2, 5) if step * power <= most * (1.0 + 1e-12))))
 
 
-def drawing_plane(exam: Examination, points: np.ndarray) -> np.ndarray:
+def drawing_plane(loops: Loops | None, points: np.ndarray) -> np.ndarray:
     """Right and up of the drawing in world axes (2, 3): the plane of the loops, or the usual view."""
-    normals = [group.normal for group in exam.pose.loops.groups if group.dofs] if exam.pose else []
+    normals = [group.normal for group in loops.groups if group.dofs] if loops else []
     planar = [normal for normal in normals if normal is not None]
     if (
         planar
@@ -338,7 +409,9 @@ def still(moving: Motion) -> str:
     parts = []
     for column, (title, frames) in enumerate(moving.sides.items()):
         at = min(moving.worst, len(frames) - 1)
-        content, left = _drawing(moving, frames[at]), column * (SIDE + gutter)
+        solids = moving.solids.get(title, [])
+        content = _solid(solids[at]) if solids else ""
+        content, left = content + _drawing(moving, frames[at]), column * (SIDE + gutter)
         words = html.escape(f"{title}, t = {moving.times[at]:.4g} s")
         parts.append(
             f'<svg x="{left}" y="{label}" width="{SIDE}" height="{moving.height}">{content}</svg>'
@@ -350,6 +423,14 @@ def still(moving: Motion) -> str:
         f'height="{total // 2}" font-family="sans-serif"><rect width="{width}" height="{total}" fill="#fff"/>'
         f"{''.join(parts)}</svg>\n"
     )
+
+
+def _solid(parts: list[Solid]) -> str:
+    paths = []
+    for colour, opacity, points in parts:
+        d = "M" + "L".join(f"{x} {y}" for x, y in points.tolist()) + "Z"
+        paths.append(f'<path d="{d}" fill="{colour}" stroke="{colour}" opacity="{FAINT * opacity:.3g}"/>')
+    return "".join(paths)
 
 
 def _drawing(moving: Motion, points: np.ndarray) -> str:

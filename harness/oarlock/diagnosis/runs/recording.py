@@ -16,13 +16,11 @@ from oarlock.diagnosis.runs.beside import Beside, find_beside
 from oarlock.diagnosis.runs.pushes import Push, Pushes
 from oarlock.diagnosis.runs.walking import (
     End,
-    StatesWalker,
     diverged,
     energy_error,
     other_power,
     own_copy,
     walk,
-    walk_states,
     warnings_of,
 )
 from oarlock.mechanics.controls import drive
@@ -34,6 +32,7 @@ from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.mechanics.state_log import StateLog
 from oarlock.poses.layout import Layout, RowColumns
+from oarlock.stepping.logged import StatesWalker, walk_states
 from oarlock.stepping.question import Question
 from oarlock.stepping.solvers import SolverSpec
 from oarlock.stepping.state import State

@@ -14,7 +14,6 @@ from oarlock.base.text import called
 from oarlock.mechanics.bounds import HUGE, bounded
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import coordinates, element_name
-from oarlock.mechanics.state_log import StateLog
 from oarlock.stepping import walkers
 from oarlock.stepping.walkers import MujocoWalker
 
@@ -67,49 +66,6 @@ def walk(model: mujoco.MjModel, data: mujoco.MjData, drive: Drive | None, steps:
             if step == 0 and not bounded(data.qvel, data.qpos):  # of all that follows, the walk itself looks at it
                 return
             yield step
-
-
-class StatesWalker:
-    """States of a log one after another, each with what MuJoCo computes of it.
-
-    Attributes:
-        strayed: how far the model's own step from a state is from the next one, rad or m, (steps so far).
-    """
-
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, states: StateLog):
-        self.data, self.strayed = data, list[float]()
-        self._own, self._states, self._at = MujocoWalker(model, data), states, 0
-        data.time = states.start_s
-        self._apart = np.zeros(model.nv)
-        self._place()
-
-    def look(self) -> None:
-        """mj_forward, at the state as it was logged."""
-        self._own.look()
-
-    def step(self) -> None:
-        """Goes to the next state of the log, by way of the model's own step."""
-        model, data, time = self._own.model, self.data, self.data.time
-        self._own.step()
-        self._at += 1
-        if self._at < len(self._states):
-            mujoco.mj_differentiatePos(model, self._apart, 1.0, data.qpos, self._states.qpos[self._at])
-            self.strayed.append(float(np.abs(self._apart).max(initial=0.0)))
-            data.time = time + model.opt.timestep
-            self._place()
-
-    def _place(self) -> None:
-        data, states, at = self.data, self._states, self._at
-        data.qpos[:], data.qvel[:] = states.qpos[at], states.qvel[at]
-        data.act[:], data.ctrl[:] = states.act[at], states.ctrl[at]
-
-
-def walk_states(walker: StatesWalker, steps: int) -> Iterator[int]:
-    """The states of a log, as ``walk`` gives those of a run."""
-    for step in range(steps):
-        walker.look()
-        yield step
-        walker.step()
 
 
 def diverged(model: mujoco.MjModel, data: mujoco.MjData) -> End:

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 
 from oarlock.base.numbers import finite
-from oarlock.conform.causes import SILENT, Cause, is_single, tell, tell_reader
-from oarlock.conform.contradictions import against
-from oarlock.conform.laws import EXACT, MUJOCO, Laws, apart, forces_apart, norms, opening
-from oarlock.conform.states import Plan
+from oarlock.conformance.causes import SILENT, Cause, is_single, tell, tell_reader
+from oarlock.conformance.contradictions import against
+from oarlock.conformance.laws import EXACT, MUJOCO, Laws, apart, forces_apart, norms, opening
+from oarlock.conformance.states import Plan
 from oarlock.engines.answers import Answer
 
 FIGURES = {

@@ -15,9 +15,9 @@ from oarlock.base.errors import InputError, one_line
 from oarlock.base.hashing import of_document
 from oarlock.base.scratch import scratch_folder
 from oarlock.batch import digest
-from oarlock.conform.figures import measure
-from oarlock.conform.laws import Laws
-from oarlock.conform.states import Plan, own_model, prepare
+from oarlock.conformance.figures import measure
+from oarlock.conformance.laws import Laws
+from oarlock.conformance.states import Plan, own_model, prepare
 from oarlock.engines import running
 from oarlock.engines.answers import Answer, read
 from oarlock.engines.asking import ACCURATE, Files, States, ask, write
@@ -34,9 +34,9 @@ ASK, ANSWERS = "ask", "answers"
 """Folders of the questions and of the answers among the results of a model."""
 
 
-_DRAWING = ("engines/asking", "conform/laws", "conform/states", "diagnosis/sampling")
-_COMPARING = ("engines/asking", "engines/answers", "conform/states", "conform/laws", "conform/precision")
-_COMPARING += ("conform/causes", "conform/contradictions", "conform/figures", "conform/units")
+_DRAWING = ("engines/asking", "conformance/laws", "conformance/states", "diagnosis/sampling")
+_COMPARING = ("engines/asking", "engines/answers", "conformance/states", "conformance/laws", "conformance/precision")
+_COMPARING += ("conformance/causes", "conformance/contradictions", "conformance/figures", "conformance/units")
 """Sources on which states, and figures, depend besides the rooms of all runs."""
 
 
@@ -52,7 +52,7 @@ def _comparing() -> str:
 
 
 def _chosen(names: tuple[str, ...]) -> dict[str, str]:
-    codes = digest.code_of(("engines", "conform", "diagnosis"))
+    codes = digest.code_of(("engines", "conformance", "diagnosis"))
     return {name: codes[name] for name in names}
 
 

@@ -10,7 +10,7 @@ change of a counts, times ``MARGIN``, for an engine adds roundings of its own on
 import mujoco
 import numpy as np
 
-from oarlock.conform.laws import Laws, Solved, norms, scale
+from oarlock.conformance.laws import Laws, Solved, norms, scale
 from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.rows import jacobian
 

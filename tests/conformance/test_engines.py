@@ -1,8 +1,8 @@
 """Engines that are really there, each in its environment: slow, and skipped where none was made."""
 
 import pytest
-from oarlock.conform.session import conform
-from oarlock.conform.versions import changes
+from oarlock.conformance.session import conform
+from oarlock.conformance.versions import changes
 from oarlock.engines import environments
 from oarlock.engines.registry import parse_engine
 from tolerances import AT_REST

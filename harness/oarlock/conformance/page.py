@@ -10,11 +10,11 @@ import polars as pl
 
 from oarlock.base.files import write_text
 from oarlock.base.text import json_visible
-from oarlock.conform.badge import badge
-from oarlock.conform.causes import FAILED, NEARLY, READER
-from oarlock.conform.precision import MARGIN, SETTLED
-from oarlock.conform.states import RUN_S, SPEED
-from oarlock.conform.versions import changes
+from oarlock.conformance.badge import badge
+from oarlock.conformance.causes import FAILED, NEARLY, READER
+from oarlock.conformance.precision import MARGIN, SETTLED
+from oarlock.conformance.states import RUN_S, SPEED
+from oarlock.conformance.versions import changes
 from oarlock.render.folder import require_report, write_whole
 from oarlock.render.page import Figure, drawable, page
 from oarlock.render.template import render

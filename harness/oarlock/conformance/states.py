@@ -13,7 +13,7 @@ import numpy as np
 from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
 from oarlock.cases.conditions import Conditions
-from oarlock.conform.laws import blocks, place
+from oarlock.conformance.laws import blocks, place
 from oarlock.diagnosis.sampling import sample
 from oarlock.engines.asking import Files, States, arrays_of, compiled, states_of, text_of
 from oarlock.experiments.laboratory import Laboratory

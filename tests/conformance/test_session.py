@@ -7,10 +7,10 @@ import pytest
 from fake_engines import program
 from mechanisms import four_bar, write_model
 from oarlock.base.errors import InputError
-from oarlock.conform.badge import badge
-from oarlock.conform.page import write_page
-from oarlock.conform.session import conform
-from oarlock.conform.versions import changes, table
+from oarlock.conformance.badge import badge
+from oarlock.conformance.page import write_page
+from oarlock.conformance.session import conform
+from oarlock.conformance.versions import changes, table
 from oarlock.engines import environments
 from oarlock.engines.registry import parse_engine, programs
 from suites import TINY
@@ -42,7 +42,7 @@ def names(rows):
 def test_an_engine_that_fails_costs_its_unit_only(model, tmp_path, monkeypatch):
     monkeypatch.setenv("OARLOCK_TEST_NOTES", str(tmp_path / "notes"))
     engines = [str(program(tmp_path, name)) for name in ("true", "crashes", "hangs", "nan", "half")]
-    found = conform([model], engines, states=STATES, out=tmp_path / "out", jobs=1, silence=SILENCE_S)
+    found = conform([model], engines, states=STATES, out=tmp_path / "out", jobs=1, engine_timeout=SILENCE_S)
     assert names(found.rows) == {"true": "agrees"}
     said = {name: why.message for (_, name), why in found.failures.items()}
     assert set(said) == {"crashes", "hangs", "nan", "half"}
@@ -189,6 +189,14 @@ def test_changes_between_versions_are_told_by_cause(compared):
     assert changes(compared.rows[1:] * 2) == ["nothing changed for tiny in the first 2 s"]
 
 
+def test_one_version_has_nothing_to_be_compared_with(compared):
+    (line,) = changes(compared.rows[1:])
+    assert line == "nothing to compare for tiny: true alone answered, expected two or more"
+    other = [{**row, "model": "two"} for row in compared.rows[1:] * 2]
+    assert changes([*compared.rows[1:], *other]) == ["nothing changed for two in the first 2 s", line]
+    assert changes([]) == []
+
+
 def test_the_page_the_matrix_and_the_badge(compared, tmp_path):
     document = compared.document()
     target = write_page(document, tmp_path / "page")
@@ -286,6 +294,9 @@ def test_the_command_versions(model, tmp_path, monkeypatch, oarlock_here):
     assert done.returncode == 0, done.stderr
     assert "largest |efc_pos|" in done.stdout
     assert "nothing changed for tiny in the first 2 s" in done.stdout
+    quiet = oarlock_here("versions", model, "--mujoco", "1.0", "--states", STATES, "--jobs", 1, "-q", "--fresh")
+    assert (quiet.returncode, quiet.stderr) == (0, "")
+    assert "nothing to compare for tiny" in quiet.stdout
     refused = oarlock_here("versions", model, "--mujoco", "3.x")
     assert refused.returncode == 2
     assert refused.stderr.count("\n") == 1

@@ -1,13 +1,10 @@
 """Versions of MuJoCo beside each other: the largest gap of a run, what changed at which version, and why."""
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from oarlock.base.errors import InputError
 from oarlock.base.numbers import short
-from oarlock.conform.session import Matrix, conform
-from oarlock.conform.states import RUN_S
+from oarlock.conformance.states import RUN_S
 
 ENGINE = "mujoco"
 
@@ -17,23 +14,6 @@ CHANGED = 1e-2
 
 LOST = 1e3
 """m or rad: loops that open so far hold nothing, and how far they do says nothing of a version."""
-
-
-def compare_versions(models: Sequence[str], versions: str, **options: Any) -> Matrix:
-    """Asks versions of MuJoCo about models; options as of ``conform``.
-
-    Args:
-        models: models, variants or MJCF files.
-        versions: separated by commas.
-        options: as of ``conform``.
-
-    Raises:
-        InputError: as ``conform``, or no versions.
-    """
-    named = [version.strip() for version in versions.split(",") if version.strip()]
-    if not named:
-        raise InputError(f"versions '{versions}', expected some, such as 3.6,3.7")
-    return conform(models, [f"{ENGINE}@{version}" for version in named], **options)
 
 
 def version_of(row: dict[str, Any]) -> str:
@@ -50,15 +30,29 @@ def table(rows: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
 
 
 def changes(rows: list[dict[str, Any]]) -> list[str]:
-    """What changed from one version to the next, a line each model and step; one line where nothing did."""
-    said = []
-    models = dict.fromkeys(row["model"] for row in rows)
+    """What changed from one version to the next, a line each model and step; one line where nothing did.
+
+    And one for the models of which a single version answered.
+    """
+    said: list[str] = []
+    by_model: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        by_model.setdefault(row["model"], []).append(row)
+    alone = {model: own[0] for model, own in by_model.items() if len(own) == 1}
+    models = [model for model in by_model if model not in alone]
     for model in models:
-        own = [row for row in rows if row["model"] == model]
+        own = by_model[model]
         for before, after in pairwise(own):
             if line := _change(before, after):
                 said.append(f"{model}: {line}")
-    return said or [f"nothing changed for {', '.join(models)} in the first {RUN_S:g} s"]
+    if models and not said:
+        said.append(f"nothing changed for {', '.join(models)} in the first {RUN_S:g} s")
+    answered = dict.fromkeys(map(version_of, alone.values()))
+    if alone:
+        said.append(
+            f"nothing to compare for {', '.join(alone)}: {', '.join(answered)} alone answered, expected two or more"
+        )
+    return said
 
 
 def _change(before: dict[str, Any], after: dict[str, Any]) -> str:

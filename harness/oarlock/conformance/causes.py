@@ -14,8 +14,8 @@ import numpy as np
 from oarlock.base.errors import InputError, few
 from oarlock.base.numbers import short
 from oarlock.base.text import quoted
-from oarlock.conform.laws import CONES, EXACT, MUJOCO, Law, Laws, apart, scale
-from oarlock.conform.precision import allowance
+from oarlock.conformance.laws import CONES, EXACT, MUJOCO, Law, Laws, apart, scale
+from oarlock.conformance.precision import allowance
 from oarlock.engines.answers import Answer
 
 AGREES, UNEXPLAINED, READER, FAILED, SILENT = "agrees", "unexplained", "reader", "failed", "not expressible"

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from fake_engines import engine
 from mechanisms import four_bar
-from oarlock.conform.causes import Cause, candidates, is_single, tell, tell_reader
-from oarlock.conform.laws import EXACT, MUJOCO, Law, Laws, apart
-from oarlock.conform.precision import allowance
+from oarlock.conformance.causes import Cause, candidates, is_single, tell, tell_reader
+from oarlock.conformance.laws import EXACT, MUJOCO, Law, Laws, apart
+from oarlock.conformance.precision import allowance
 from oarlock.engines import asking, environments, running
 from oarlock.engines.answers import Answer, read
 from tolerances import HAND_SOLVED, SAME_LAW

@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import polars as pl
+
+from oarlock.base.answer import Answer, html_table
 from oarlock.base.arguments import require_count, require_number
 from oarlock.base.errors import InputError, few, one_line
 from oarlock.base.files import reading
@@ -16,16 +19,20 @@ from oarlock.base.scratch import sweep_up
 from oarlock.batch.session import workers_of
 from oarlock.batch.workers import Workers, dispatch
 from oarlock.cases.case import load_case
-from oarlock.conform.causes import FAILED, READER, UNEXPLAINED
-from oarlock.conform.states import Plan
-from oarlock.conform.units import ASK, STATES, Compare, DrawStates, Question, Work, do, slug
+from oarlock.conformance.causes import FAILED, READER, UNEXPLAINED
+from oarlock.conformance.states import Plan
+from oarlock.conformance.units import ASK, STATES, Compare, DrawStates, Question, Work, do, slug
+from oarlock.conformance.versions import changes
 from oarlock.engines import environments
 from oarlock.engines.asking import Files
 from oarlock.engines.environments import Environment
 from oarlock.engines.registry import Engine, parse_engine, programs
 from oarlock.engines.running import SILENCE_S
+from oarlock.tables import provenance
 from oarlock.tables.ledger import Failure, Ledger, Outcome
-from oarlock.tables.provenance import occasion, versions
+
+MUJOCO = "mujoco"
+"""Name of the engine that has versions to be asked."""
 
 RESULTS = Path("results") / "conform"
 """Folder of the results unless another is given."""
@@ -74,7 +81,7 @@ class Member:
 
 
 @dataclass
-class Matrix:
+class Matrix(Answer):
     """Models × engines.
 
     Attributes:
@@ -87,6 +94,8 @@ class Matrix:
         repeated: units that were done, and not kept from before.
         offered: engines that come with oarlock, were not asked for and are not there.
     """
+
+    FRAMES = ("figures",)
 
     members: list[Member]
     engines: dict[str, Engine]
@@ -118,10 +127,35 @@ class Matrix:
             return 2
         return int(bool(self.failures) or any(map(self.beyond, self.rows)))
 
+    @property
+    def figures(self) -> pl.DataFrame:
+        """A row a model and engine that were compared: figures, cause and verdict."""
+        plain = [{key: value for key, value in row.items() if not isinstance(value, dict | list)} for row in self.rows]
+        return pl.DataFrame(plain, infer_schema_length=None)
+
+    def changes(self) -> list[str]:
+        """What changed from one version of MuJoCo to the next, in words, where versions are what was asked."""
+        return changes(self.rows)
+
+    def report(self, folder: str | Path) -> Path:
+        """Writes the page with the matrix, as ``oarlock conform --report``."""
+        from oarlock.conformance.page import write_page
+
+        return write_page(self.document(), Path(folder))
+
+    def _repr_html_(self) -> str:
+        from oarlock.conformance.page import COLUMNS
+
+        rows = [[row[name] for name in ("model", "engine", *COLUMNS, "verdict")] for row in self.rows]
+        notes = [f"{model} {engine}: {why}" for (model, engine), why in self.failures.items()]
+        notes += [f"{member.name}: {member.refused}" for member in self.members if member.refused]
+        head = f"{len(self.members)} models, {len(self.engines)} engines, {self.states} states of each model"
+        return html_table(head, ["model", "engine", *COLUMNS.values(), "verdict"], rows, notes)
+
     def document(self) -> dict[str, Any]:
-        """For JSON."""
+        """As ``oarlock conform --json``."""
         return {
-            "provenance": {**versions(), **occasion()},
+            "provenance": {**provenance.versions(), **provenance.occasion()},
             "states": self.states,
             "seed": self.seed,
             "tolerance": self.tolerance,
@@ -169,25 +203,25 @@ def _lacking(engine: Engine) -> InputError:
 
 
 def conform(
-    models: Sequence[str],
-    engines: Sequence[str] = (),
+    models: Sequence[str] | str,
+    engine: Sequence[str] | str = (),
     *,
     states: int = STATES_DRAWN,
     seed: int = 0,
     tolerance: float | None = None,
-    out: Path = RESULTS,
+    out: str | Path = RESULTS,
     jobs: int | None = None,
     scheduler: str | None = None,
     install: bool = False,
     fresh: bool = False,
-    silence: float = SILENCE_S,
+    engine_timeout: float = SILENCE_S,
     progress: Progress | None = None,
 ) -> Matrix:
     """Has engines answer about the same states of models, and compares.
 
     Args:
-        models: models, variants or MJCF files.
-        engines: ``NAME[@VERSION][:key=value,…][=PYTHON]``; those that are there if there are none.
+        models: one or several models, variants or MJCF files.
+        engine: one or several ``NAME[@VERSION][:key=value,…][=PYTHON]``; those that are there if there are none.
         states: drawn of each model, besides its start and some at rest.
         seed: of all random numbers.
         tolerance: largest relative difference of accelerations to the nearer of MuJoCo and the exact solution.
@@ -196,7 +230,7 @@ def conform(
         scheduler: address of a dask.distributed scheduler, or ``local``.
         install: make the environments that are not there.
         fresh: do everything anew.
-        silence: time that an engine may be silent, s; 0 for ever.
+        engine_timeout: time that an engine may be silent, s; 0 for ever.
         progress: listens.
 
     Raises:
@@ -205,10 +239,11 @@ def conform(
     require_threads()
     require_count("states", states)
     require_number("tolerance", tolerance)
-    require_number("silence", silence, unit="s")
+    require_number("engine_timeout", engine_timeout, unit="s")
+    models, engines = ([one] if isinstance(one, str) else list(one) for one in (models, engine))
     progress = progress or Progress()
     chosen = _once(engines) or available()
-    matrix = Matrix(_members(models, out), {engine.name: engine for engine in chosen}, states, seed, tolerance)
+    matrix = Matrix(_members(models, Path(out)), {engine.name: engine for engine in chosen}, states, seed, tolerance)
     homes = _homes(matrix, bool(engines), install, progress)
     folders = [member.ledger.folder.path for member in matrix.members]
     with (
@@ -217,8 +252,26 @@ def conform(
     ):
         if left := sweep_up(folders):
             progress.note(left)
-        _carry_out(matrix, homes, workers, fresh, silence, progress)
+        _carry_out(matrix, homes, workers, fresh, engine_timeout, progress)
     return matrix
+
+
+def versions(models: Sequence[str] | str, mujoco: Sequence[str] | str, **options: Any) -> Matrix:
+    """Asks versions of MuJoCo about models: ``changes`` of what it gives says what changed, at which one and why.
+
+    Args:
+        models: one or several models, variants or MJCF files.
+        mujoco: versions, the oldest first: a list, or separated by commas, ``"3.6,4.0"``.
+        options: as of ``conform``.
+
+    Raises:
+        InputError: as ``conform``, or no versions.
+    """
+    given = mujoco.split(",") if isinstance(mujoco, str) else mujoco
+    named = [version.strip() for version in given if version.strip()]
+    if not named:
+        raise InputError(f"versions {mujoco!r}, expected some, such as 3.6,3.7")
+    return conform(models, [f"{MUJOCO}@{version}" for version in named], **options)
 
 
 def _members(models: Sequence[str], out: Path) -> list[Member]:

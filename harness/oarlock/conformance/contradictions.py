@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from oarlock.base.numbers import short
-from oarlock.conform.causes import SILENT, UNEXPLAINED, Cause
-from oarlock.conform.laws import Law, Laws, forces_apart
-from oarlock.conform.states import Plan
+from oarlock.conformance.causes import SILENT, UNEXPLAINED, Cause
+from oarlock.conformance.laws import Law, Laws, forces_apart
+from oarlock.conformance.states import Plan
 from oarlock.engines.answers import Answer
 
 FORCES = 1e-3
