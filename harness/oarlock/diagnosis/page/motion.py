@@ -278,7 +278,7 @@ def motion(exam: Examination) -> Motion | None:
     chosen = np.unique([*spaced, widest(recording, finite)])
     driven = drive(exam.model, exam.laws)
     points = skeleton.read(recording.qpos[chosen], recording.time[chosen], driven)
-    beside = points[:0]
+    beside, known = points[:0], chosen[:0]
     if exact is not None:
         known = chosen[chosen < len(exact.qpos)]
         beside = skeleton.read(exact.qpos[known], exact.time[known], driven)
