@@ -190,7 +190,7 @@ class InequalityReport:
         """Number of coordinates that equality rows leave."""
     @property
     def warm(self) -> bool:
-        """Whether the start given was nearer than none."""
+        """Whether the acceleration given led nearer than none."""
     @property
     def elapsed_ns(self) -> int:
         """Wall time of the solve alone, in ns."""
@@ -237,13 +237,14 @@ class Inequalities:
         dims: Sequence[int],
         mu: _Numbers,
         friction: _Numbers,
-        warm: _Numbers | None = None,
+        near: _Numbers | None = None,
     ) -> InequalityReport:
         """Finds the forces of inequality rows beside the equality rows of ``system``, which is assembled.
 
         Args:
             system: equality rows, hard or soft.
-            whitened: H Jᵀ of the inequality rows, a row each, (m, nv), with M⁻¹ = Hᵀ H.
+            whitened: H Jᵀ of the inequality rows, a row each, (m, nv), with M⁻¹ = Hᵀ H; of a sparse system it is not
+                read, which has a factor of its own.
             jacobian: J (m, nv).
             aref: accelerations that the rows ask for, (m).
             stiffness: D = 1/R (m).
@@ -252,7 +253,7 @@ class Inequalities:
                 elliptic cone.
             mu: coefficient of the regularised cone, one for each of ``dims``.
             friction: friction coefficients of a cone, five for each of ``dims``.
-            warm: H (M a − f) (nv) of an acceleration a near the answer, f the smooth forces of this step.
+            near: an acceleration (nv) near the answer: that of the step before.
 
         Raises:
             InputError: shapes, what is no finite real number, numbers out of range.
@@ -273,8 +274,8 @@ class Inequalities:
     @property
     def blocked(self) -> list[int]:
         """Rows that are violated and push, though no motion that the equality rows admit moves them."""
-    def certify(self, accelerations: _Numbers, forces: _Numbers) -> Certificate:
-        """What proves the forces f (m) at the accelerations J a (m) of the rows, a that of the whole answer.
+    def certify(self, acceleration: _Numbers, forces: _Numbers) -> Certificate:
+        """What proves the forces f (m) at the acceleration (nv) of the whole answer of the last step.
 
         Raises:
             InputError: shapes, what is no finite real number.

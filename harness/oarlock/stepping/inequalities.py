@@ -146,14 +146,9 @@ class Inequalities:
         self._rows, self.forces = rows, np.zeros(0)
         if rows is None:
             return data.qacc_smooth
-        model, warm = self._model, None
-        if self._last is not None:
-            product = np.zeros(model.nv)
-            mujoco.mj_mulM(model, data, product, self._last)
-            warm = whiten(model, data, (product - data.qfrc_smooth)[None])[0]
         self.report = self._solver.solve(
             system,
-            whiten(model, data, rows.jacobian),
+            whiten(self._model, data, rows.jacobian),
             rows.jacobian,
             rows.aref,
             rows.stiffness,
@@ -161,9 +156,9 @@ class Inequalities:
             rows.dims,
             rows.mu,
             rows.friction,
-            warm,
+            self._last,
         )
-        mujoco.mj_solveM(model, data, self._change, self._solver.generalised_force[None])
+        mujoco.mj_solveM(self._model, data, self._change, self._solver.generalised_force[None])
         unconstrained = data.qacc_smooth + self._change[0]
         system.renew(unconstrained, aref)
         self.forces = self._solver.forces
@@ -178,10 +173,9 @@ class Inequalities:
         if self.report is None or self._rows is None:
             return qfrc, True
         qfrc = qfrc + self._solver.generalised_force
-        accelerations = times(self._rows.jacobian, qacc)
-        if not np.isfinite(accelerations).all():
+        if not np.isfinite(times(self._rows.jacobian, qacc)).all():
             return qfrc, False
-        self.certificate = self._solver.certify(accelerations, self.forces)
+        self.certificate = self._solver.certify(qacc, self.forces)
         return qfrc, self.report.status == "converged" and self.certificate.holds
 
     @property

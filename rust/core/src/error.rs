@@ -162,6 +162,16 @@ pub enum Error {
     },
 }
 
+impl Error {
+    /// The same of an array that has its entries in other places.
+    pub(crate) fn moved(mut self, place: impl Fn(usize) -> usize) -> Self {
+        if let Self::NonFinite { index, .. } | Self::TooLarge { index, .. } = &mut self {
+            *index = place(*index);
+        }
+        self
+    }
+}
+
 /// Largest magnitude of an entry of A or b, because solvers form squares and sums of squares.
 pub const LARGEST: f64 = 1e150;
 
@@ -170,6 +180,10 @@ pub const LARGEST: f64 = 1e150;
 /// # Errors
 /// [`Error::NonFinite`], [`Error::TooLarge`] with the first offending entry.
 pub(crate) fn check_size(what: &'static str, values: &[f64]) -> Result<(), Error> {
+    // Where all squares together are no larger than that of the largest, none is.
+    if in_lanes(values, |value| value * value) <= LARGEST * LARGEST {
+        return Ok(());
+    }
     check_finite(what, values)?;
     match values.iter().position(|value| value.abs() > LARGEST) {
         None => Ok(()),
@@ -177,13 +191,32 @@ pub(crate) fn check_size(what: &'static str, values: &[f64]) -> Result<(), Error
     }
 }
 
+/// Σ of something of all values, in lanes: a loop without a way out which waits for no sum is several times as fast.
+#[inline]
+fn in_lanes(values: &[f64], of: impl Fn(f64) -> f64) -> f64 {
+    let (chunks, rest) = values.as_chunks::<8>();
+    let mut lanes = [0.0; 8];
+    for chunk in chunks {
+        for (lane, &value) in lanes.iter_mut().zip(chunk) {
+            *lane += of(value);
+        }
+    }
+    lanes.iter().sum::<f64>() + rest.iter().map(|&value| of(value)).sum::<f64>()
+}
+
+/// Whether all values are finite.
+#[inline]
+pub(crate) fn are_finite(values: &[f64]) -> bool {
+    // 0 of what is finite, else none.
+    in_lanes(values, |value| 0.0 * value) == 0.0
+}
+
 /// Checks that every entry is finite.
 ///
 /// # Errors
 /// [`Error::NonFinite`] with the first offending entry.
 pub(crate) fn check_finite(what: &'static str, values: &[f64]) -> Result<(), Error> {
-    // All of them first: a loop without a way out is several times as fast.
-    if values.iter().fold(true, |finite, value| finite & value.is_finite()) {
+    if are_finite(values) {
         return Ok(());
     }
     match values.iter().position(|value| !value.is_finite()) {

@@ -43,9 +43,8 @@ pub use rows::{CONE_TOLERANCE, Group, InequalityStep, WIDEST_CONE};
 use self::certificate::Notary;
 use self::frame::Frame;
 use self::newton::Newton;
-use crate::error::{Error, check_finite, check_len};
+use crate::error::{Error, LARGEST, check_finite, check_len};
 use crate::info::Status;
-use crate::linalg::kernels::axpy;
 use crate::problem::{Wanted, Whiten};
 use crate::solvers::RANK_CUT;
 use crate::solvers::auto::{Auto, AutoParams};
@@ -76,7 +75,7 @@ pub struct InequalityReport {
     pub blocked: usize,
     /// Number of coordinates that equality rows leave to the velocities that a row touches.
     pub coordinates: usize,
-    /// Whether the start given was nearer than none.
+    /// Whether the acceleration given led nearer than none.
     pub warm: bool,
 }
 
@@ -86,7 +85,6 @@ pub struct Inequalities {
     frame: Frame,
     newton: Newton,
     notary: Notary,
-    warm: Vec<f64>,
     force: Vec<f64>,
     blocked: Vec<usize>,
     /// Rows that pushed, without their numbers, which contacts change: kind and piece.
@@ -118,10 +116,9 @@ impl Inequalities {
 
     /// Finds the forces of the rows beside the equality rows of `system`, which is assembled.
     ///
-    /// `warm` are the forces M a − f (`nv`) of an acceleration a near the answer, that of the step before, with f the smooth
-    /// forces of this one. `whiten` multiplies rows by H, M⁻¹ = Hᵀ H, as in
-    /// [`assemble_factored`](ConstrainedSystem::assemble_factored), `warm` as the row after the last; without it the system's own factor
-    /// of M does.
+    /// `near` is an acceleration (`nv`) near the answer, that of the step before. `whiten` multiplies rows by H, M⁻¹ = Hᵀ H, as in
+    /// [`assemble_factored`](ConstrainedSystem::assemble_factored); without it, and of a
+    /// [sparse](ConstrainedSystem::assemble_sparse) system always, the system's own factor of M does.
     ///
     /// # Errors
     /// Those of [`InequalityStep::check`]; [`Error::Empty`] of a system that has no velocities; [`Error::Factored`] where `whiten` is needed and
@@ -130,39 +127,27 @@ impl Inequalities {
         &mut self,
         system: &mut ConstrainedSystem,
         step: &InequalityStep<'_>,
-        warm: Option<&[f64]>,
-        mut whiten: Option<&mut Whiten<'_>>,
+        near: Option<&[f64]>,
+        whiten: Option<&mut Whiten<'_>>,
     ) -> Result<InequalityReport, Error> {
         let nv = system.nv();
         if nv == 0 {
             return Err(Error::Empty { what: "system" });
         }
         step.check(nv)?;
-        if let Some(warm) = warm {
-            check_len("warm", warm.len(), &[nv])?;
-            check_finite("warm", warm)?;
+        if let Some(near) = near {
+            check_len("near", near.len(), &[nv])?;
+            check_finite("near", near)?;
         }
         self.decide(system)?;
         system.form_whitened();
         self.take(step);
-        self.frame.find(system, step, &mut whiten)?;
-        let start = match warm {
-            Some(forces) if self.frame.size > 0 => {
-                self.warm.resize(self.frame.size, 0.0);
-                self.frame.take_point(system, forces, &mut whiten, &mut self.warm)?;
-                Some(self.warm.as_slice()).filter(|z| z.iter().all(|entry| entry.abs() < 1e150))
-            }
-            _ => None,
-        };
-        let (course, warm) = self.newton.run(&self.frame, step, start);
-        self.force.clear();
-        self.force.resize(nv, 0.0);
-        for (&force, row) in self.newton.f.iter().zip(step.jacobian.chunks_exact(nv)) {
-            if force != 0.0 {
-                axpy(force, row, &mut self.force);
-            }
-        }
+        self.frame.find(system, step, whiten)?;
+        let near = near.filter(|near| near.iter().all(|entry| entry.abs() < LARGEST));
+        let (course, warm) = self.newton.run(&self.frame, step, near);
         check_finite("forces of the rows", &self.newton.f)?;
+        self.force.resize(nv, 0.0);
+        self.frame.combine(&self.newton.f, &mut self.force);
         check_finite("force of the rows", &self.force)?;
         let (active, changed) = self.compare();
         self.find_blocked();
@@ -241,7 +226,7 @@ impl Inequalities {
     /// Returns the forces f (`m`) of the last solve.
     #[must_use]
     pub fn forces(&self) -> &[f64] {
-        &self.newton.f
+        &self.newton.f[..self.newton.pieces.len()]
     }
 
     /// Returns Jᵀ f (`nv`) of the last solve.
@@ -263,11 +248,15 @@ impl Inequalities {
         &self.blocked
     }
 
-    /// Returns what proves `forces` (`m`) at the accelerations of the rows J a (`m`), a that of the whole answer of the last step.
+    /// Returns what proves `forces` (`m`) at the acceleration a (`nv`) of the whole answer of the last step.
     ///
     /// # Errors
-    /// [`Error::Shape`], [`Error::NonFinite`].
-    pub fn certify(&mut self, accelerations: &[f64], forces: &[f64]) -> Result<Certificate, Error> {
+    /// [`Error::Shape`]; [`Error::NonFinite`], also where J a overflows.
+    pub fn certify(&mut self, acceleration: &[f64], forces: &[f64]) -> Result<Certificate, Error> {
+        check_len("acceleration", acceleration.len(), &[self.force.len()])?;
+        check_len("forces of the rows", forces.len(), &[self.aref.len()])?;
+        check_finite("acceleration", acceleration)?;
+        check_finite("forces of the rows", forces)?;
         let step = InequalityStep {
             jacobian: &[],
             aref: &self.aref,
@@ -275,7 +264,7 @@ impl Inequalities {
             friction_loss: &self.friction_loss,
             groups: &self.groups,
         };
-        self.notary.certify(&self.frame, &step, accelerations, forces)
+        self.notary.certify(&self.frame, &step, acceleration, forces)
     }
 
     /// Forgets all earlier steps.

@@ -3,6 +3,7 @@
 pub(crate) mod forest;
 pub(crate) mod kernels;
 pub(crate) mod ldl;
+pub(crate) mod packs;
 pub(crate) mod reflections;
 pub(crate) mod rows;
 pub(crate) mod skyline;

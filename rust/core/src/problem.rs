@@ -12,7 +12,7 @@ pub use step::{FactoredStep, JacobianView, SparseStep, StepView, TreeView, White
 use self::whitened::{Sparse, Whitened};
 
 use crate::linalg::kernels::{
-    BLOCKED, axpy, by_size, combined_norm_fixed, dot, gemm, gemm_tr, gemv, gram, norm, normal_fixed,
+    BLOCKED, axpy, by_size, combined_norm_fixed, dot, gemm, gemm_tr, gemv, gram, norm, normal_fixed, widest,
 };
 use crate::linalg::skyline;
 
@@ -194,9 +194,15 @@ impl Problem<'_> {
     pub fn matrix(&mut self) -> &[f64] {
         if !*self.formed {
             self.whiten();
-            match self.whitened.envelope.narrow() {
-                Some(first) => fill(self.whitened, first, self.work.len(), self.dense),
-                None => gram(self.work.len(), self.whitened.columns.as_slice(), self.dense),
+            if let Some(first) = self.whitened.envelope.narrow() {
+                fill(self.whitened, first, self.work.len(), self.dense);
+            } else {
+                let (inner, columns) = (self.work.len(), self.whitened.columns.as_slice());
+                let dense = &mut *self.dense;
+                widest(
+                    #[inline(always)]
+                    || gram(inner, columns, dense),
+                );
             }
             if let Some(softness) = self.softness {
                 let n = self.rhs.len();

@@ -127,7 +127,7 @@ fn run_rows(inequalities: &mut Inequalities, system: &mut ConstrainedSystem, fro
         let mut start = [0.0; NV];
         start.copy_from_slice(system.unconstrained());
         system.renew(&start, step.view().aref).expect("finite");
-        black_box(inequalities.certify(&[0.2; MOST][..m], &[0.3; MOST][..m]).expect("finite"));
+        black_box(inequalities.certify(&[0.2; NV], &[0.3; MOST][..m]).expect("finite"));
     }
 }
 

@@ -74,7 +74,7 @@ impl Answer {
             state.acceleration(data, system, &self.least, qfrc, qacc)?;
             system.confirm(&self.qacc, qacc, &mut self.info);
         }
-        let proved = inequalities.conclude(state.others(), &self.qacc, &mut self.qfrc)?;
+        let proved = inequalities.conclude(&self.qacc, &mut self.qfrc)?;
         // Whoever iterates leaves a residual of its own, which stiff rows magnify.
         if !proved && self.info.products == 0 && self.info.status == Status::Converged {
             self.info.status = Status::Inaccurate;

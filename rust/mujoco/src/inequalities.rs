@@ -11,7 +11,6 @@ use oarlock_core::{ConstrainedSystem, Status};
 use crate::error::Error;
 use crate::inertia::Inertia;
 use crate::library::{Data, Jacobian};
-use crate::vectors::times;
 
 /// Kinds of rows, as in mjtConstraint.
 const FRICTION: [i32; 2] = [1, 2];
@@ -153,10 +152,8 @@ pub struct Inequalities {
     pub certificate: Option<Certificate>,
     /// Acceleration of the answer before, nv; empty where there is none.
     last: Vec<f64>,
-    warm: Vec<f64>,
     change: Vec<f64>,
     force: Vec<f64>,
-    rows: Vec<f64>,
 }
 
 impl Inequalities {
@@ -178,24 +175,15 @@ impl Inequalities {
         if rows.is_empty() {
             return Ok(());
         }
-        let nv = unconstrained.len();
-        let warm = !self.last.is_empty();
-        if warm {
-            self.warm.resize(nv, 0.0);
-            data.multiply_mass(&mut self.warm, &self.last)?;
-            for (entry, smooth) in self.warm.iter_mut().zip(data.qfrc_smooth()) {
-                *entry -= smooth;
-            }
-        }
         let mut said = Ok(());
         let report = self.solver.solve(
             system,
             &rows.step(),
-            warm.then_some(&self.warm[..]),
+            (!self.last.is_empty()).then_some(&self.last[..]),
             Some(&mut |_, given, whitened| said = inertia.whiten(data, given, whitened)),
         )?;
         said?;
-        self.change.resize(nv, 0.0);
+        self.change.resize(unconstrained.len(), 0.0);
         data.solve_mass(&mut self.change, self.solver.generalised_force())?;
         for (entry, change) in unconstrained.iter_mut().zip(&self.change) {
             *entry += change;
@@ -218,17 +206,15 @@ impl Inequalities {
     ///
     /// # Errors
     /// Those of the solver.
-    pub fn conclude(&mut self, rows: &Rows, qacc: &[f64], qfrc: &mut [f64]) -> Result<bool, Error> {
+    pub fn conclude(&mut self, qacc: &[f64], qfrc: &mut [f64]) -> Result<bool, Error> {
         let Some(report) = self.report else { return Ok(true) };
         for (entry, force) in qfrc.iter_mut().zip(self.solver.generalised_force()) {
             *entry += force;
         }
-        self.rows.resize(rows.len(), 0.0);
-        times(rows.jacobian.entries(), qacc, &mut self.rows);
-        if !self.rows.iter().all(|entry| entry.is_finite()) {
-            return Ok(false);
-        }
-        let certificate = self.solver.certify(&self.rows, &self.force)?;
+        let certificate = match self.solver.certify(qacc, &self.force) {
+            Err(oarlock_core::Error::NonFinite { .. }) => return Ok(false),
+            certificate => certificate?,
+        };
         self.certificate = Some(certificate);
         Ok(report.status == Status::Converged && certificate.holds())
     }

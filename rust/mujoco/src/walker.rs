@@ -72,7 +72,9 @@ impl<F: ForceLaw> ForcedWalker<F> {
     /// # Errors
     /// [`Error::Lost`]: the nearest pose leaves a row open by more than [`LOST`]; what the stages, the force law or the projection say.
     pub fn step(&mut self) -> Result<(), Error> {
-        let (before, hardest) = (largest(self.data.qvel()), largest(self.data.qacc()));
+        let far = self.projector.is_some();
+        let (before, hardest) =
+            if far { (largest(self.data.qvel()), largest(self.data.qacc())) } else { (0.0, 0.0) };
         if self.data.model().is_staged() {
             self.runge_kutta()?;
         } else {

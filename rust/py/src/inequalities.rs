@@ -30,7 +30,7 @@ pub struct InequalityReport {
     blocked: usize,
     /// Number of coordinates that equality rows leave.
     coordinates: usize,
-    /// Whether the start given was nearer than none.
+    /// Whether the acceleration given led nearer than none.
     warm: bool,
     /// Wall time of the solve alone, in ns.
     elapsed_ns: u64,
@@ -95,8 +95,8 @@ impl Inequalities {
     ///
     /// From H Jᵀ as rows and J (m×nv), aref, D and friction loss (m); the groups of rows by `dims` (0 friction loss, 1 unilateral, more
     /// an elliptic cone of so many rows), with `mu` (one each) and `friction` (five each); and, to start near the answer,
-    /// `warm` = H (M a − f) (nv) of an acceleration a.
-    #[pyo3(signature = (system, whitened, jacobian, aref, stiffness, friction_loss, dims, mu, friction, warm=None))]
+    /// an acceleration `near` it (nv).
+    #[pyo3(signature = (system, whitened, jacobian, aref, stiffness, friction_loss, dims, mu, friction, near=None))]
     #[allow(clippy::too_many_arguments, clippy::needless_pass_by_value)] // the arrays of a step, as PyO3 hands them over
     fn solve(
         &self,
@@ -110,7 +110,7 @@ impl Inequalities {
         dims: Vec<usize>,
         mu: &Bound<'_, PyAny>,
         friction: &Bound<'_, PyAny>,
-        warm: Option<&Bound<'_, PyAny>>,
+        near: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<InequalityReport> {
         let system = &mut *system.take()?;
         let nv = system.nv();
@@ -127,8 +127,8 @@ impl Inequalities {
             return Err(input_error(core::Error::Shape { what: "mu", expected, got }));
         }
         let groups = groups(&dims, mu.as_slice()?, friction.as_slice()?);
-        let warm = warm.map(|given| vector("warm", given)).transpose()?;
-        let start = warm.as_ref().map(|warm| warm.as_slice()).transpose()?;
+        let near = near.map(|given| vector("near", given)).transpose()?;
+        let near = near.as_ref().map(|near| near.as_slice()).transpose()?;
         let given = whitened.as_slice()?;
         let step = core::InequalityStep {
             jacobian: jacobian.as_slice()?,
@@ -137,19 +137,11 @@ impl Inequalities {
             friction_loss: friction_loss.as_slice()?,
             groups: &groups,
         };
-        let m = aref.len();
-        // The row after the last is the start, which is whitened already.
-        let mut whiten = |rows: &[usize], entries: &[f64], out: &mut [f64]| {
-            for ((&row, entries), out) in
-                rows.iter().zip(entries.chunks_exact(nv)).zip(out.chunks_exact_mut(nv))
-            {
-                out.copy_from_slice(if row < m { &given[row * nv..(row + 1) * nv] } else { entries });
-            }
-        };
+        let mut whiten = |_: &[usize], _: &[f64], out: &mut [f64]| out.copy_from_slice(given);
         let inner = &mut *alone(|| "the inequalities".to_owned(), &self.inner)?;
         let (report, elapsed) = py.detach(|| {
             let begin = Instant::now();
-            let report = inner.solve(system, &step, start, Some(&mut whiten));
+            let report = inner.solve(system, &step, near, Some(&mut whiten));
             (report, begin.elapsed())
         });
         let report = report.map_err(input_error)?;
@@ -197,11 +189,11 @@ impl Inequalities {
         Ok(inner.blocked().to_vec())
     }
 
-    /// What proves the forces f (m) at the accelerations J a (m) of the rows, a that of the whole answer.
-    fn certify(&self, accelerations: &Bound<'_, PyAny>, forces: &Bound<'_, PyAny>) -> PyResult<Certificate> {
-        let (accelerations, forces) = (vector("accelerations", accelerations)?, vector("forces", forces)?);
+    /// What proves the forces f (m) at the acceleration (nv) of the whole answer of the last step.
+    fn certify(&self, acceleration: &Bound<'_, PyAny>, forces: &Bound<'_, PyAny>) -> PyResult<Certificate> {
+        let (acceleration, forces) = (vector("acceleration", acceleration)?, vector("forces", forces)?);
         let inner = &mut *alone(|| "the inequalities".to_owned(), &self.inner)?;
-        let found = inner.certify(accelerations.as_slice()?, forces.as_slice()?).map_err(input_error)?;
+        let found = inner.certify(acceleration.as_slice()?, forces.as_slice()?).map_err(input_error)?;
         Ok(Certificate {
             holds: found.holds(),
             gradient: found.gradient,

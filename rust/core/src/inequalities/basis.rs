@@ -12,15 +12,17 @@
 //! would lose the light ones (Powell and Reid 1969).
 
 use crate::linalg::kernels::{dot_in_lanes, norm, widest};
-use crate::linalg::reflections::{
-    orthogonalise, reflect, reflector, solve_upper, solve_upper_tr, triangularise,
-};
+use crate::linalg::packs::{self, Pack};
+use crate::linalg::reflections::{orthogonalise, reflect, reflector, solve_upper, triangularise};
 use crate::problem::FOLD_TOLERANCE;
 use crate::solvers::RANK_CUT;
 use crate::system::Parts;
 
 /// What is left of columns after this many rounding errors of the largest is nothing.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Squares of columns are summed anew where they have fallen to this part of their last sum: rounding is 1e-10 of them then.
+const SURE: f64 = 1e-6;
 
 /// The rank is clear where the smallest pivot kept is this many times the cut; see `auto`.
 const CLEAR: f64 = 32.0;
@@ -42,6 +44,9 @@ pub(super) struct Basis {
     factor: Vec<f64>,
     diagonal: Vec<f64>,
     order: Vec<usize>,
+    /// See [`pivoted`].
+    left: Vec<f64>,
+    known: Vec<f64>,
     /// Uᵀ of the left singular vectors of R, row by row, longest first; empty where the first rows of R are those that count.
     turns: Vec<f64>,
     /// Rows of R, turned.
@@ -58,6 +63,7 @@ pub(super) struct Basis {
     weights: Vec<f64>,
     work: Vec<f64>,
     sorted: Vec<usize>,
+    turned: Vec<Pack>,
 }
 
 impl Basis {
@@ -66,21 +72,24 @@ impl Basis {
         self.velocities.len() - self.rank
     }
 
-    /// Finds the frame of a block, which `owners` has of every velocity; `most` is the largest entry of the diagonal of A.
-    pub(super) fn find(&mut self, parts: Parts<'_>, owners: &[Option<usize>], block: usize, most: f64) {
+    /// Finds the frame of a block, which `owners` has of every velocity; `squares` are the diagonal of Wᵀ W.
+    pub(super) fn find(&mut self, parts: Parts<'_>, owners: &[usize], block: usize, squares: &[f64]) {
         let (nv, given) = (parts.nv, parts.blocks.of(block));
         self.velocities.clear();
-        self.velocities.extend((0..nv).filter(|&velocity| owners[velocity] == Some(block)));
+        self.velocities.extend((0..nv).filter(|&velocity| owners[velocity] == block));
         self.soft = parts.softness.is_some();
         self.rank = 0;
-        self.scale(parts, given);
+        self.scale(parts, given, squares);
         let height = self.velocities.len();
         self.factor.clear();
         for (&row, &size) in given.iter().zip(&self.sizes) {
             let column = &parts.whitened[row * nv..(row + 1) * nv];
             self.factor.extend(self.velocities.iter().map(|&velocity| column[velocity] * size));
         }
-        let trace = dot_in_lanes(&self.factor, &self.factor);
+        self.left.clear();
+        let columns = (0..given.len()).map(|index| &self.factor[index * height..(index + 1) * height]);
+        self.left.extend(columns.map(|column| dot_in_lanes(column, column)));
+        let trace = self.left.iter().sum();
         self.order.clear();
         self.order.extend(0..given.len());
         self.triangularise(height, trace);
@@ -88,6 +97,7 @@ impl Basis {
         if self.soft {
             self.weigh(parts, given, height);
         } else {
+            let most = squares.iter().fold(0.0, |most: f64, &square| most.max(square));
             self.decide(parts, (block, most), height, trace);
             self.fix(parts, given, height);
         }
@@ -95,12 +105,8 @@ impl Basis {
     }
 
     /// Powers of two that bring constraints of very different size to one; exact rows only.
-    fn scale(&mut self, parts: Parts<'_>, rows: &[usize]) {
-        let diagonal = |row: usize| {
-            let column = &parts.whitened[row * parts.nv..(row + 1) * parts.nv];
-            dot_in_lanes(column, column)
-        };
-        if !self.soft && parts.blocks.sizes(rows, diagonal, &mut self.sizes) > GRADED {
+    fn scale(&mut self, parts: Parts<'_>, rows: &[usize], squares: &[f64]) {
+        if !self.soft && parts.blocks.sizes(rows, |row| squares[row], &mut self.sizes) > GRADED {
             let near_inverse_root =
                 |size: f64| if size > f64::MIN_POSITIVE { (-0.5 * size.log2()).round().exp2() } else { 1.0 };
             self.sizes.iter_mut().for_each(|size| *size = near_inverse_root(*size));
@@ -113,11 +119,13 @@ impl Basis {
     /// W Π = Q R with the longest of the columns that are left next, until they are rounding.
     fn triangularise(&mut self, height: usize, trace: f64) {
         self.diagonal.clear();
-        let (factor, order, diagonal) = (&mut self.factor, &mut self.order, &mut self.diagonal);
         let least = (ROUNDING * ROUNDING * trace).max(f64::MIN_POSITIVE);
+        self.known.clear();
+        self.known.extend_from_slice(&self.left);
+        let Self { factor, order, diagonal, left, known, .. } = self;
         widest(
             #[inline(always)]
-            || pivoted(height, least, factor, order, diagonal),
+            || pivoted(height, least, factor, order, diagonal, (&mut *left, &mut *known)),
         );
     }
 
@@ -259,53 +267,39 @@ impl Basis {
         self.fixed.extend_from_slice(&self.work[..found]);
     }
 
-    /// Brings a vector of the block's velocities into the frame, Qᵀ w; its first coordinates are η's.
-    fn turn_into(&mut self, w: &mut [f64]) {
+    /// Brings vectors of the block's velocities into the frame, Qᵀ w; their first coordinates are η's.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn turn_into(&mut self, w: &mut [Pack]) {
         let (height, found) = (w.len(), self.diagonal.len());
-        let factor = &self.factor;
-        widest(
-            #[inline(always)]
-            || {
-                for col in 0..found {
-                    reflect(&factor[col * height + col..(col + 1) * height], &mut w[col..]);
-                }
-            },
-        );
+        for col in 0..found {
+            packs::reflect(&self.factor[col * height + col..(col + 1) * height], &mut w[col..]);
+        }
         if !self.turns.is_empty() {
-            self.work.clear();
-            self.work.extend_from_slice(&w[..found]);
+            self.turned.clear();
+            self.turned.extend_from_slice(&w[..found]);
             for (entry, turn) in w.iter_mut().zip(self.turns.chunks_exact(found)) {
-                *entry = dot_in_lanes(turn, &self.work);
+                *entry = packs::dots(&self.turned, turn);
             }
         }
     }
 
-    /// Brings a row into the frame, `w` (the block's velocities) to the coordinates that are left, `row`; gives its offset w · y*.
-    pub(super) fn take_row(&mut self, w: &mut [f64], row: &mut [f64]) -> f64 {
+    /// Brings rows into the frame, `w` (the block's velocities) to the coordinates that are left, `rows`; gives their offsets w · y*.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    pub(super) fn take_rows(&mut self, w: &mut [Pack], rows: &mut [Pack]) -> Pack {
         self.turn_into(w);
-        let offset = dot_in_lanes(&w[..self.fixed.len()], &self.fixed);
+        let offsets = packs::dots(&w[..self.fixed.len()], &self.fixed);
         if self.soft {
-            let found = self.metric_diagonal.len();
-            solve_upper_tr(self.metric_rows, &self.metric, &self.metric_diagonal, &mut w[..found]);
-        }
-        row.copy_from_slice(&w[self.rank..]);
-        offset
-    }
-
-    /// The coordinates of an acceleration y of the block's velocities.
-    pub(super) fn take_point(&mut self, y: &mut [f64], point: &mut [f64]) {
-        self.turn_into(y);
-        if self.soft {
-            let (found, rows) = (self.metric_diagonal.len(), self.metric_rows);
-            for (entry, fixed) in y.iter_mut().zip(&self.fixed) {
-                *entry -= fixed;
-            }
-            for row in 0..found {
-                let rest: f64 = (row + 1..found).map(|col| self.metric[col * rows + row] * y[col]).sum();
-                y[row] = self.metric_diagonal[row] * y[row] + rest;
+            // T⁻ᵀ
+            let rows = self.metric_rows;
+            for (col, diagonal) in self.metric_diagonal.iter().enumerate() {
+                let part = packs::dots(&w[..col], &self.metric[col * rows..col * rows + col]);
+                w[col] = std::array::from_fn(|lane| (w[col][lane] - part[lane]) / diagonal);
             }
         }
-        point.copy_from_slice(&y[self.rank..]);
+        rows.copy_from_slice(&w[self.rank..]);
+        offsets
     }
 
     /// ‖y*‖.
@@ -315,32 +309,43 @@ impl Basis {
 }
 
 /// Reflects columns of `height` entries, the longest of those that are left next, until the square of its length is below `least`.
+/// Squares of what is left of them are taken down by each entry of R, and summed anew where that would leave them rounding: those
+/// left, and those that were summed last.
 #[allow(clippy::inline_always)]
 #[inline(always)]
-fn pivoted(height: usize, least: f64, factor: &mut [f64], order: &mut [usize], diagonal: &mut Vec<f64>) {
+fn pivoted(
+    height: usize,
+    least: f64,
+    factor: &mut [f64],
+    order: &mut [usize],
+    diagonal: &mut Vec<f64>,
+    (left, known): (&mut [f64], &mut [f64]),
+) {
     let count = order.len();
     for step in 0..height.min(count) {
-        let (mut longest, mut most) = (step, 0.0);
-        for col in step..count {
-            let column = &factor[col * height + step..(col + 1) * height];
-            let square = dot_in_lanes(column, column);
-            if square > most {
-                (longest, most) = (col, square);
-            }
-        }
-        if most <= least {
+        let longest = (step..count).fold(step, |best, col| if left[col] > left[best] { col } else { best });
+        let most = left[longest];
+        if most <= least || most.is_nan() {
             break;
         }
         if longest != step {
             let (low, high) = factor.split_at_mut(longest * height);
             low[step * height..(step + 1) * height].swap_with_slice(&mut high[..height]);
             order.swap(step, longest);
+            left.swap(step, longest);
+            known.swap(step, longest);
         }
         let (own, rest) = factor[step * height..].split_at_mut(height);
         let v = &mut own[step..];
         diagonal.push(reflector(v));
-        for other in rest.chunks_exact_mut(height) {
+        let squares = left[step + 1..].iter_mut().zip(&mut known[step + 1..]);
+        for (other, (left, known)) in rest.chunks_exact_mut(height).zip(squares) {
             reflect(v, &mut other[step..]);
+            *left -= other[step] * other[step];
+            if *left <= SURE * *known {
+                *left = dot_in_lanes(&other[step + 1..], &other[step + 1..]);
+                *known = *left;
+            }
         }
     }
 }

@@ -14,8 +14,8 @@
 use super::costs::{Piece, evaluate};
 use super::frame::Frame;
 use super::rows::{Group, InequalityStep};
-use crate::error::{Error, check_finite, check_len};
-use crate::linalg::kernels::norm;
+use crate::error::{Error, check_finite};
+use crate::linalg::kernels::{dot_in_lanes, norm};
 
 /// Largest gradient of a certified answer, relative to the forces: what the promise of an acceleration, 1e-6 of its largest entry, leaves room
 /// for where the stiffness of a row is what its inertia asks for.
@@ -58,30 +58,33 @@ impl Certificate {
 /// What a certificate is made with; grows and never shrinks.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Notary {
+    /// J a.
+    rates: Vec<f64>,
     x: Vec<f64>,
     f: Vec<f64>,
     pieces: Vec<Piece>,
     /// Rounding of x.
     noise: Vec<f64>,
+    work: Vec<f64>,
 }
 
 impl Notary {
-    /// The figures of the forces f (`m`) at J a (`m`).
+    /// The figures of the forces f (`m`) at an acceleration a (`nv`).
     ///
     /// # Errors
-    /// [`Error::Shape`], [`Error::NonFinite`].
+    /// [`Error::NonFinite`].
     pub(super) fn certify(
         &mut self,
         frame: &Frame,
         step: &InequalityStep<'_>,
-        rates: &[f64],
+        acceleration: &[f64],
         forces: &[f64],
     ) -> Result<Certificate, Error> {
         let m = step.aref.len();
-        check_len("accelerations of the rows", rates.len(), &[m])?;
-        check_len("forces of the rows", forces.len(), &[m])?;
+        self.rates.resize(frame.room(), 0.0);
+        frame.rates(acceleration, &mut self.rates);
+        let rates = &self.rates[..m];
         check_finite("accelerations of the rows", rates)?;
-        check_finite("forces of the rows", forces)?;
         self.x.clear();
         self.x.extend(rates.iter().zip(step.aref).map(|(rate, aref)| rate - aref));
         self.f.resize(m, 0.0);
@@ -89,17 +92,18 @@ impl Notary {
         let cost = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
         check_finite("forces of the rows", &self.f)?;
 
-        let size =
-            length(frame.lengths.iter().zip(forces).map(|(length, force)| length * force)).hypot(frame.fixed);
+        let work = &mut self.work;
+        let size = length(work, frame.lengths.iter().zip(forces).map(|(length, force)| length * force))
+            .hypot(frame.fixed);
         self.noise.clear();
         let terms = frame.terms.iter().zip(rates).zip(&frame.lengths);
         self.noise
             .extend(terms.map(|((terms, rate), length)| ROUNDING * (terms + rate.abs() + length * size)));
-        let off = length((0..m).map(|row| frame.lengths[row] * (forces[row] - self.f[row])));
+        let off = length(work, (0..m).map(|row| frame.lengths[row] * (forces[row] - self.f[row])));
         // Where x is on the other side of a kink than the forces, rounding may have put it there.
-        let noisy = |&row: &usize| self.pieces[row].is_curved() || forces[row] - self.f[row] != 0.0;
+        let noisy = |row: usize| self.pieces[row].is_curved() || forces[row] - self.f[row] != 0.0;
         let shaken = |row: usize| frame.lengths[row] * step.stiffness[row] * self.noise[row];
-        let noise = length((0..m).filter(noisy).map(shaken));
+        let noise = length(work, (0..m).map(|row| if noisy(row) { shaken(row) } else { 0.0 }));
         let (own, complementarity, gap, outside) = self.gaps(step, forces, cost);
         // Beside a mechanism that is hard at work, a row that hardly works is off by the rounding of the others.
         let energy = own + size * size;
@@ -156,8 +160,10 @@ impl Notary {
     }
 }
 
-/// √Σ x², also where squares overflow or underflow.
-fn length(entries: impl Iterator<Item = f64> + Clone) -> f64 {
-    let squares: f64 = entries.clone().map(|entry| entry * entry).sum();
-    if squares.is_normal() { squares.sqrt() } else { entries.fold(0.0, f64::hypot) }
+/// √Σ x², also where squares overflow or underflow; `work` is workspace.
+fn length(work: &mut Vec<f64>, entries: impl Iterator<Item = f64>) -> f64 {
+    work.clear();
+    work.extend(entries);
+    let squares = dot_in_lanes(work, work);
+    if squares.is_normal() { squares.sqrt() } else { work.iter().copied().fold(0.0, f64::hypot) }
 }

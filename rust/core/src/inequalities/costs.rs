@@ -44,12 +44,25 @@ impl Piece {
     }
 }
 
-/// A row of C, where Cᵀ C is the Hessian of the cost of a group: the group's first row, and an entry per row.
+/// A row of C, where Cᵀ C is the Hessian of the cost of a group: entries of rows of the group, from a first one on.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Curvature {
     pub(super) first: usize,
     pub(super) dim: usize,
     pub(super) entries: [f64; WIDEST_CONE],
+}
+
+impl Curvature {
+    const fn single(row: usize, entry: f64) -> Self {
+        let mut entries = [0.0; WIDEST_CONE];
+        entries[0] = entry;
+        Self { first: row, dim: 1, entries }
+    }
+
+    /// Each row with its entry.
+    pub(super) fn entries(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        (self.first..).zip(self.entries[..self.dim].iter().copied())
+    }
 }
 
 /// A cone at a point.
@@ -72,7 +85,8 @@ impl Cone {
         for ((u, scale), x) in u.iter_mut().zip(&scales).zip(x) {
             *u = scale * x;
         }
-        let tangent = dot(&u[1..dim], &u[1..dim]).sqrt();
+        // Beyond the last row there is nothing.
+        let tangent = dot(&u[1..], &u[1..]).sqrt();
         Self { dim, mu, scales, u, tangent, stiffness: stiffness / (mu * mu) }
     }
 
@@ -90,6 +104,14 @@ impl Cone {
     /// D₀/(μ²(1 + μ²)).
     fn sliding(&self) -> f64 {
         self.stiffness / (1.0 + self.mu * self.mu)
+    }
+
+    fn cost(&self, piece: Piece) -> f64 {
+        match piece {
+            Piece::Stick => 0.5 * self.stiffness * (self.u[0] * self.u[0] + self.tangent * self.tangent),
+            Piece::Slide => 0.5 * self.sliding() * self.depth() * self.depth(),
+            _ => 0.0,
+        }
     }
 
     /// N − μT, negative where it slides.
@@ -133,7 +155,8 @@ pub(super) fn evaluate(step: &InequalityStep<'_>, x: &[f64], f: &mut [f64], piec
             Group::Cone { mu, friction, .. } => {
                 let cone = Cone::at(dim, *mu, friction, step.stiffness[row], at);
                 let piece = cone.piece();
-                cost += cone_force(&cone, piece, pushed);
+                cost += cone.cost(piece);
+                cone_force(&cone, piece, pushed);
                 piece
             }
         };
@@ -143,28 +166,39 @@ pub(super) fn evaluate(step: &InequalityStep<'_>, x: &[f64], f: &mut [f64], piec
     cost
 }
 
-/// Forces of a cone; gives its cost.
-fn cone_force(cone: &Cone, piece: Piece, f: &mut [f64]) -> f64 {
+/// Σ s(x).
+pub(super) fn total(step: &InequalityStep<'_>, x: &[f64]) -> f64 {
+    let mut row = 0;
+    let cost = |group: &Group| {
+        let (first, dim) = (row, group.rows());
+        row += dim;
+        match group {
+            Group::Cone { mu, friction, .. } => {
+                let cone = Cone::at(dim, *mu, friction, step.stiffness[first], &x[first..row]);
+                cone.cost(cone.piece())
+            }
+            single_row => single(step, first, x[first], matches!(single_row, Group::Friction)).0,
+        }
+    };
+    step.groups.iter().map(cost).sum()
+}
+
+/// Forces of a cone.
+fn cone_force(cone: &Cone, piece: Piece, f: &mut [f64]) {
     match piece {
         Piece::Stick => {
             for ((f, u), scale) in f.iter_mut().zip(&cone.u).zip(&cone.scales) {
                 *f = -cone.stiffness * u * scale;
             }
-            0.5 * cone.stiffness * (cone.u[0] * cone.u[0] + cone.tangent * cone.tangent)
         }
         Piece::Slide => {
-            let (sliding, depth) = (cone.sliding(), cone.depth());
-            let push = sliding * depth * cone.mu;
+            let push = cone.sliding() * cone.depth() * cone.mu;
             f[0] = -push;
             for (j, f) in f.iter_mut().enumerate().skip(1) {
                 *f = push * (cone.u[j] / cone.tangent) * cone.scales[j];
             }
-            0.5 * sliding * depth * depth
         }
-        _ => {
-            f.fill(0.0);
-            0.0
-        }
+        _ => f.fill(0.0),
     }
 }
 
@@ -222,18 +256,14 @@ pub(super) fn curvatures(step: &InequalityStep<'_>, x: &[f64], pieces: &[Piece],
             continue;
         }
         let Group::Cone { mu, friction, .. } = group else {
-            let mut entries = [0.0; WIDEST_CONE];
-            entries[0] = step.stiffness[first].sqrt();
-            found.push(Curvature { first, dim: 1, entries });
+            found.push(Curvature::single(first, step.stiffness[first].sqrt()));
             continue;
         };
         let cone = Cone::at(dim, *mu, friction, step.stiffness[first], &x[first..first + dim]);
         if piece == Piece::Stick {
             let root = cone.stiffness.sqrt();
-            for j in 0..dim {
-                let mut entries = [0.0; WIDEST_CONE];
-                entries[j] = root * cone.scales[j];
-                found.push(Curvature { first, dim, entries });
+            for (j, scale) in cone.scales[..dim].iter().enumerate() {
+                found.push(Curvature::single(first + j, root * scale));
             }
         } else {
             sliding_curvature(&cone, first, found);

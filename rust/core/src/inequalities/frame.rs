@@ -1,9 +1,12 @@
 //! Rows of a step in coordinates z of what the equality rows leave: x = c + G z, and ½‖z‖² is all that is left of the inertia.
+//!
+//! Rows are worked on four at once, side by side ([`packs`]).
 
 use super::basis::Basis;
 use super::rows::InequalityStep;
 use crate::error::{Error, LARGEST, check_size};
-use crate::linalg::kernels::{dot_in_lanes, norm};
+use crate::linalg::kernels::{dot_in_lanes, widest};
+use crate::linalg::packs::{self, LANES, Pack, add_scaled, packs_of};
 use crate::problem::Whiten;
 use crate::system::ConstrainedSystem;
 
@@ -13,26 +16,34 @@ use crate::system::ConstrainedSystem;
 /// carries 1e-18 of a row's inertia.
 pub const IMMOBILE: f64 = 1e-9;
 
-/// The rows of one step in the frame of its equality rows.
+/// Whose a velocity is that no equality row touches.
+const NOBODY: usize = usize::MAX;
+
+/// The rows of one step in the frame of its equality rows. What there is of each row has zeros after the last, up to whole packs.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Frame {
     /// Bases by block; those of this step are `touched`.
     bases: Vec<Basis>,
     touched: Vec<usize>,
-    /// Block of each velocity that an equality row touches.
-    owners: Vec<Option<usize>>,
+    /// Block of each velocity that an equality row touches, else [`NOBODY`].
+    owners: Vec<usize>,
+    /// Squares of the columns of W of the equality rows.
+    squares: Vec<f64>,
     /// First coordinate of each touched block.
     firsts: Vec<usize>,
     /// Velocities of no block that a row touches; their coordinates come last.
     loose: Vec<usize>,
-    /// H Jᵀ of the rows, `m×nv`.
-    whitened: Vec<f64>,
-    /// Lengths of its rows.
+    /// Number of rows.
+    count: usize,
+    /// J and W = H Jᵀ of the rows, nv packs each four.
+    given: Vec<Pack>,
+    whitened: Vec<Pack>,
+    /// Lengths of the rows of W.
     pub(super) lengths: Vec<f64>,
     /// Number of coordinates.
     pub(super) size: usize,
-    /// G, `m×size`, row-major, and the lengths of its rows.
-    pub(super) rows: Vec<f64>,
+    /// G, `size` packs each four rows, and the lengths of its rows.
+    pub(super) rows: Vec<Pack>,
     pub(super) reaches: Vec<f64>,
     /// c.
     pub(super) offsets: Vec<f64>,
@@ -42,9 +53,11 @@ pub(super) struct Frame {
     pub(super) immobile: Vec<bool>,
     /// ‖y*‖ of the touched blocks: what the equality rows alone make of the acceleration.
     pub(super) fixed: f64,
-    counts: Vec<usize>,
-    part: Vec<f64>,
-    point: Vec<f64>,
+    /// W row after row, as a caller's factor makes it.
+    plain: Vec<f64>,
+    indices: Vec<usize>,
+    part: Vec<Pack>,
+    sums: Vec<Pack>,
 }
 
 impl Frame {
@@ -56,22 +69,50 @@ impl Frame {
         &mut self,
         system: &ConstrainedSystem,
         step: &InequalityStep<'_>,
-        whiten: &mut Option<&mut Whiten<'_>>,
+        whiten: Option<&mut Whiten<'_>>,
     ) -> Result<(), Error> {
-        let (m, nv) = (step.aref.len(), system.nv());
-        self.counts.clear();
-        self.counts.extend(0..=m);
-        self.whitened.clear();
-        self.whitened.resize(m * nv, 0.0);
-        apply(system, whiten, &self.counts[..m], step.jacobian, &mut self.whitened)?;
-        // Squares of these are the inertia of the rows.
-        check_size("inequality rows", &self.whitened)?;
-        self.lengths.clear();
-        self.lengths.extend(self.whitened.chunks_exact(nv).map(norm));
+        self.count = step.aref.len();
+        packs::gather(system.nv(), step.jacobian, &mut self.given);
+        self.whiten(system, step, whiten)?;
         self.touch(system);
         self.reduce(system, step)?;
-        self.mark();
         self.check(step)
+    }
+
+    /// W, by the system's own tree, the caller's factor, or the system's.
+    fn whiten(
+        &mut self,
+        system: &ConstrainedSystem,
+        step: &InequalityStep<'_>,
+        whiten: Option<&mut Whiten<'_>>,
+    ) -> Result<(), Error> {
+        let nv = system.nv();
+        if let Some(tree) = system.tree() {
+            self.whitened.clear();
+            self.whitened.extend_from_slice(&self.given);
+            let whitened = &mut self.whitened;
+            widest(
+                #[inline(always)]
+                || whitened.chunks_exact_mut(nv).for_each(|pack| tree.whiten_pack(pack)),
+            );
+        } else {
+            self.plain.clear();
+            self.plain.extend_from_slice(step.jacobian);
+            if let Some(whiten) = whiten {
+                self.indices.clear();
+                self.indices.extend(0..self.count);
+                whiten(&self.indices, step.jacobian, &mut self.plain);
+            } else {
+                system.whiten(&mut self.plain)?;
+            }
+            packs::gather(nv, &self.plain, &mut self.whitened);
+        }
+        // Squares of these are the inertia of the rows.
+        let in_order = |place: usize| {
+            let (pack, velocity) = (place / LANES / nv, place / LANES % nv);
+            (pack * LANES + place % LANES) * nv + velocity
+        };
+        check_size("inequality rows", self.whitened.as_flattened()).map_err(|error| error.moved(in_order))
     }
 
     /// Which blocks and velocities the rows touch, and the bases of those blocks.
@@ -80,43 +121,40 @@ impl Frame {
         let nv = parts.nv;
         // Blocks that are held do not follow the velocities that their rows come to touch.
         self.owners.clear();
-        self.owners.resize(nv, None);
+        self.owners.resize(nv, NOBODY);
         for block in 0..blocks.len() {
             for &row in blocks.of(block) {
                 let column = &parts.whitened[row * nv..(row + 1) * nv];
-                for (owner, _) in self.owners.iter_mut().zip(column).filter(|(_, entry)| **entry != 0.0) {
-                    *owner = Some(block);
+                for (owner, entry) in self.owners.iter_mut().zip(column) {
+                    *owner = if *entry == 0.0 { *owner } else { block };
                 }
             }
         }
         self.touched.clear();
         self.loose.clear();
         for velocity in 0..nv {
-            if self.whitened.iter().skip(velocity).step_by(nv).all(|&entry| entry == 0.0) {
+            if self.whitened.iter().skip(velocity).step_by(nv).all(packs::is_zero) {
                 continue;
             }
             match self.owners[velocity] {
-                Some(block) => {
-                    if !self.touched.contains(&block) {
-                        self.touched.push(block);
-                    }
-                }
-                None => self.loose.push(velocity),
+                NOBODY => self.loose.push(velocity),
+                block if self.touched.contains(&block) => {}
+                block => self.touched.push(block),
             }
         }
         if self.bases.len() < blocks.len() {
             self.bases.resize_with(blocks.len(), Basis::default);
         }
-        let columns = parts.whitened.chunks_exact(nv);
-        let most = columns.map(|column| dot_in_lanes(column, column)).fold(0.0, f64::max);
+        self.squares.clear();
+        self.squares.extend(parts.whitened.chunks_exact(nv).map(|column| dot_in_lanes(column, column)));
         self.firsts.clear();
         let (mut first, mut square) = (0, 0.0_f64);
         for &block in &self.touched {
             let basis = &mut self.bases[block];
-            basis.find(parts, &self.owners, block, most);
+            basis.find(parts, &self.owners, block, &self.squares);
             self.firsts.push(first);
             first += basis.free();
-            square = square.hypot(basis.size());
+            square = if square == 0.0 { basis.size() } else { square.hypot(basis.size()) };
         }
         self.fixed = square;
         self.size = first + self.loose.len();
@@ -124,52 +162,67 @@ impl Frame {
 
     /// G and c.
     fn reduce(&mut self, system: &ConstrainedSystem, step: &InequalityStep<'_>) -> Result<(), Error> {
-        let (nv, start) = (system.nv(), system.unconstrained());
+        let room = self.room();
         self.rows.clear();
-        self.rows.resize(step.aref.len() * self.size, 0.0);
-        self.offsets.clear();
-        self.terms.clear();
-        for (index, (given, aref)) in step.jacobian.chunks_exact(nv).zip(step.aref).enumerate() {
-            let whitened = &self.whitened[index * nv..(index + 1) * nv];
-            let row = &mut self.rows[index * self.size..(index + 1) * self.size];
-            let mut offset = dot_in_lanes(given, start) - aref;
+        self.rows.resize(packs_of(self.count) * self.size, packs::NONE);
+        for vector in [&mut self.offsets, &mut self.terms, &mut self.lengths, &mut self.reaches] {
+            vector.resize(room, 0.0);
+        }
+        self.immobile.resize(room, false);
+        let start = system.unconstrained();
+        widest(
+            #[inline(always)]
+            || self.reduce_packs(start, step.aref),
+        );
+        check_size("inequality rows", &self.offsets)
+    }
+
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn reduce_packs(&mut self, start: &[f64], aref: &[f64]) {
+        let (nv, size) = (start.len(), self.size);
+        for pack in 0..packs_of(self.count) {
+            let (given, whitened) = (&self.given[pack * nv..][..nv], &self.whitened[pack * nv..][..nv]);
+            let rows = &mut self.rows[pack * size..][..size];
+            let (mut offsets, mut terms) = (packs::NONE, packs::NONE);
+            for (entry, start) in given.iter().zip(start) {
+                for lane in 0..LANES {
+                    let product = entry[lane] * start;
+                    offsets[lane] += product;
+                    terms[lane] += product.abs();
+                }
+            }
             for (&block, &first) in self.touched.iter().zip(&self.firsts) {
                 let basis = &mut self.bases[block];
                 self.part.clear();
                 self.part.extend(basis.velocities.iter().map(|&velocity| whitened[velocity]));
-                if self.part.iter().any(|&entry| entry != 0.0) {
-                    offset += basis.take_row(&mut self.part, &mut row[first..first + basis.free()]);
+                if !self.part.iter().all(packs::is_zero) {
+                    let held = basis.take_rows(&mut self.part, &mut rows[first..first + basis.free()]);
+                    add_scaled(1.0, &held, &mut offsets);
                 }
             }
-            let last = self.size - self.loose.len();
-            for (entry, &velocity) in row[last..].iter_mut().zip(&self.loose) {
+            let last = size - self.loose.len();
+            for (entry, &velocity) in rows[last..].iter_mut().zip(&self.loose) {
                 *entry = whitened[velocity];
             }
-            self.offsets.push(offset);
-            let terms = given.iter().zip(start).map(|(entry, start)| (entry * start).abs()).sum::<f64>();
-            self.terms.push(terms + aref.abs() + self.lengths[index] * self.fixed);
-        }
-        check_size("inequality rows", &self.offsets)
-    }
-
-    /// Takes out what is left of rows that equality rows hold.
-    fn mark(&mut self) {
-        self.reaches.clear();
-        self.immobile.clear();
-        if self.size == 0 {
-            self.reaches.resize(self.lengths.len(), 0.0);
-            self.immobile.extend(self.lengths.iter().map(|&length| length > 0.0));
-            return;
-        }
-        for (row, &length) in self.rows.chunks_exact_mut(self.size).zip(&self.lengths) {
-            let mut reach = norm(row);
-            let immobile = reach <= IMMOBILE * length && length > 0.0;
-            if immobile {
-                row.fill(0.0);
-                reach = 0.0;
+            let (lengths, mut reaches) = (packs::norms(whitened), packs::norms(rows));
+            for lane in 0..LANES {
+                let (row, length) = (pack * LANES + lane, lengths[lane]);
+                let aref = aref.get(row).copied().unwrap_or(0.0);
+                // What equality rows hold is taken out.
+                let immobile = reaches[lane] <= IMMOBILE * length && length > 0.0;
+                if immobile {
+                    for entry in &mut *rows {
+                        entry[lane] = 0.0;
+                    }
+                    reaches[lane] = 0.0;
+                }
+                self.offsets[row] = offsets[lane] - aref;
+                self.terms[row] = terms[lane] + aref.abs() + length * self.fixed;
+                self.lengths[row] = length;
+                self.reaches[row] = reaches[lane];
+                self.immobile[row] = immobile;
             }
-            self.reaches.push(reach);
-            self.immobile.push(immobile);
         }
     }
 
@@ -186,62 +239,26 @@ impl Frame {
         Ok(())
     }
 
-    /// The coordinates of an acceleration that the forces M a − f (`nv`) stand for.
-    ///
-    /// # Errors
-    /// [`Error::Factored`].
-    pub(super) fn take_point(
-        &mut self,
-        system: &ConstrainedSystem,
-        forces: &[f64],
-        whiten: &mut Option<&mut Whiten<'_>>,
-        z: &mut [f64],
-    ) -> Result<(), Error> {
-        self.point.clear();
-        self.point.resize(forces.len(), 0.0);
-        let index = self.offsets.len();
-        apply(system, whiten, &self.counts[index..=index], forces, &mut self.point)?;
-        for (&block, &first) in self.touched.iter().zip(&self.firsts) {
-            let basis = &mut self.bases[block];
-            self.part.clear();
-            self.part.extend(basis.velocities.iter().map(|&velocity| self.point[velocity]));
-            basis.take_point(&mut self.part, &mut z[first..first + basis.free()]);
-        }
-        let last = self.size - self.loose.len();
-        for (entry, &velocity) in z[last..].iter_mut().zip(&self.loose) {
-            *entry = self.point[velocity];
-        }
-        Ok(())
+    /// Number of rows and of those that are not there, up to whole packs.
+    pub(super) const fn room(&self) -> usize {
+        packs_of(self.count) * LANES
+    }
+
+    /// J a of an acceleration (`nv`).
+    pub(super) fn rates(&self, acceleration: &[f64], rates: &mut [f64]) {
+        rates.fill(0.0);
+        packs::multiply(&self.given, acceleration, rates);
     }
 
     /// x = c + G z.
     pub(super) fn deviations(&self, z: &[f64], x: &mut [f64]) {
         x.copy_from_slice(&self.offsets);
-        if self.size > 0 {
-            for (entry, row) in x.iter_mut().zip(self.rows.chunks_exact(self.size)) {
-                *entry += dot_in_lanes(row, z);
-            }
-        }
+        packs::multiply(&self.rows, z, x);
     }
 
-    /// A row of G.
-    pub(super) fn row(&self, row: usize) -> &[f64] {
-        &self.rows[row * self.size..(row + 1) * self.size]
+    /// `force` = Jᵀ f (`nv`).
+    pub(super) fn combine(&mut self, f: &[f64], force: &mut [f64]) {
+        force.fill(0.0);
+        packs::multiply_tr(&self.given, f, &mut self.sums, force);
     }
-}
-
-/// H times some rows, by the caller's factor or by the system's own.
-fn apply(
-    system: &ConstrainedSystem,
-    whiten: &mut Option<&mut Whiten<'_>>,
-    indices: &[usize],
-    rows: &[f64],
-    out: &mut [f64],
-) -> Result<(), Error> {
-    if let Some(whiten) = whiten {
-        whiten(indices, rows, out);
-        return Ok(());
-    }
-    out.copy_from_slice(rows);
-    system.whiten(out)
 }

@@ -10,13 +10,14 @@
 //!
 //! of which the smaller is taken. So nothing cancels that was far off at the start, and where no row changes its piece, one step ends.
 
-use super::costs::{Curvature, Piece, along, curvatures, evaluate};
+use super::costs::{Curvature, Piece, along, curvatures, evaluate, total};
 use super::factor::Factor;
 use super::frame::Frame;
 use super::rows::InequalityStep;
 use super::search::{is_flat, search};
 use crate::info::Status;
-use crate::linalg::kernels::{axpy, dot_in_lanes, norm};
+use crate::linalg::kernels::{dot_in_lanes, norm, widest};
+use crate::linalg::packs::{self, LANES, Pack, packs_of};
 
 /// Newton steps at most of the last part of the way.
 pub const ITERATIONS: usize = 100;
@@ -40,6 +41,9 @@ const LEAST: f64 = 64.0 * f64::EPSILON;
 /// nearer.
 pub const CONVERGED: f64 = 1e-9;
 
+/// How much more it weighs what rows see of an acceleration than how small its coordinates are; squares of both are summed.
+const SEEN: f64 = 1e4;
+
 /// A step that moves the point by less than this part of it is no progress.
 const STILL: f64 = 4.0 * f64::EPSILON;
 
@@ -47,6 +51,7 @@ const STILL: f64 = 4.0 * f64::EPSILON;
 #[derive(Clone, Default)]
 pub(super) struct Newton {
     pub(super) z: Vec<f64>,
+    /// Of the rows, up to whole packs.
     pub(super) x: Vec<f64>,
     pub(super) f: Vec<f64>,
     pub(super) pieces: Vec<Piece>,
@@ -54,8 +59,8 @@ pub(super) struct Newton {
     /// What its entries are sums of, in magnitude.
     terms: Vec<f64>,
     curvatures: Vec<Curvature>,
-    /// B and u.
-    b: Vec<f64>,
+    /// B, as many packs as coordinates each eight rows, and u.
+    b: Vec<Pack>,
     u: Vec<f64>,
     factor: Factor,
     /// Whether the factor is that of the rows, and the pieces that it stands on.
@@ -65,6 +70,9 @@ pub(super) struct Newton {
     target: Vec<f64>,
     step: Vec<f64>,
     along: Vec<f64>,
+    /// What a force may be off by, over ε.
+    sizes: Vec<f64>,
+    sums: Vec<Pack>,
     /// Stiffness of softer rows.
     eased: Vec<f64>,
     /// x and z where the step began are here and in `target`.
@@ -83,30 +91,37 @@ pub(super) struct Course {
 
 impl Newton {
     /// Fits the workspace to the frame.
-    fn resize(&mut self, frame: &Frame) {
-        let (m, size) = (frame.offsets.len(), frame.size);
-        for vector in [&mut self.x, &mut self.origin, &mut self.f, &mut self.along] {
-            vector.resize(m, 0.0);
+    fn resize(&mut self, frame: &Frame, rows: usize) {
+        let (room, size) = (frame.room(), frame.size);
+        for vector in [&mut self.x, &mut self.origin, &mut self.f, &mut self.along, &mut self.sizes] {
+            vector.resize(room, 0.0);
+            // Rows that are not there push nothing.
+            vector[rows..].fill(0.0);
         }
         for vector in [&mut self.z, &mut self.gradient, &mut self.terms, &mut self.target, &mut self.step] {
             vector.resize(size, 0.0);
         }
-        self.pieces.resize(m, Piece::Free);
+        self.pieces.resize(rows, Piece::Free);
     }
 
-    /// Goes to the minimum from z = 0, or from `warm` if that is lower; tells whether it was.
+    /// Goes to the minimum from z = 0, or by way of an acceleration `near` it (nv) if that leads lower; tells whether it did.
     pub(super) fn run(
         &mut self,
         frame: &Frame,
         step: &InequalityStep<'_>,
-        warm: Option<&[f64]>,
+        near: Option<&[f64]>,
     ) -> (Course, bool) {
-        self.resize(frame);
+        self.resize(frame, step.aref.len());
         self.before.clear();
-        let warmed = self.start(frame, step, warm);
         let mut course = Course { status: Status::Converged, iterations: 0, evaluations: 0, gradient: 0.0 };
+        let warm = near.is_some_and(|near| frame.size > 0 && self.leap(frame, step, near, &mut course));
+        if !warm {
+            self.z.fill(0.0);
+            self.look(frame, step);
+        }
         if !self.descend(frame, step, &mut course, DIRECT) {
             self.ease(frame, step, &mut course);
+            self.look(frame, step);
             self.descend(frame, step, &mut course, ITERATIONS);
         }
         course.gradient = self.relative_gradient(frame);
@@ -114,10 +129,46 @@ impl Newton {
             course.status = Status::Converged;
         }
         self.polish(frame, step);
-        (course, warmed)
+        (course, warm)
     }
 
-    /// Goes down until the gradient is rounding; gives whether it is.
+    /// A whole step from the pieces of an acceleration: where it leads does not depend on where in them it begins, which need not obey
+    /// the equality rows. Where it does not end the way, it is one to search along, and begins at what rows see of the acceleration. Tells
+    /// whether the step ended or begins lower than z = 0.
+    fn leap(&mut self, frame: &Frame, step: &InequalityStep<'_>, near: &[f64], course: &mut Course) -> bool {
+        frame.rates(near, &mut self.x);
+        self.x.iter_mut().zip(step.aref).for_each(|(x, aref)| *x -= aref);
+        self.origin.copy_from_slice(&self.x);
+        evaluate(step, &self.x, &mut self.f, &mut self.pieces);
+        course.evaluations += 1;
+        self.aim(frame, step);
+        std::mem::swap(&mut self.z, &mut self.target);
+        self.look(frame, step);
+        if self.is_rounding() {
+            course.iterations += 1;
+            return true;
+        }
+        self.begin_at(frame);
+        let cost = self.look(frame, step) + 0.5 * dot_in_lanes(&self.z, &self.z);
+        cost < total(step, &frame.offsets)
+    }
+
+    /// The z, nearly the least, whose deviations are nearest to those in `origin`.
+    fn begin_at(&mut self, frame: &Frame) {
+        let most = frame.reaches.iter().fold(f64::MIN_POSITIVE, |most: f64, reach| most.max(*reach));
+        let weight = SEEN / most;
+        self.b.clear();
+        self.b.extend(frame.rows.iter().map(|row| row.map(|entry| weight * entry)));
+        self.u.clear();
+        self.u.extend(self.origin.iter().zip(&frame.offsets).map(|(x, offset)| weight * (x - offset)));
+        self.factor.of_columns(frame.size, &self.b);
+        self.before.clear();
+        self.z.fill(0.0);
+        packs::multiply_tr(&self.b, &self.u, &mut self.sums, &mut self.z);
+        self.factor.solve(&mut self.z);
+    }
+
+    /// Goes down from where [`look`](Self::look) was until the gradient is rounding; gives whether it is.
     fn descend(
         &mut self,
         frame: &Frame,
@@ -126,7 +177,6 @@ impl Newton {
         limit: usize,
     ) -> bool {
         course.status = Status::Converged;
-        self.look(frame, step);
         for _ in 0..limit {
             if self.is_rounding() {
                 return true;
@@ -149,7 +199,7 @@ impl Newton {
     fn ease(&mut self, frame: &Frame, step: &InequalityStep<'_>, course: &mut Course) {
         let mut eased = std::mem::take(&mut self.eased);
         let inertia = |row: usize| step.stiffness[row] * frame.reaches[row] * frame.reaches[row];
-        let stiffest = (0..frame.offsets.len()).map(inertia).fold(0.0, f64::max);
+        let stiffest = (0..step.stiffness.len()).map(inertia).fold(0.0, f64::max);
         self.z.fill(0.0);
         let mut most = SOFTEST;
         while most < stiffest {
@@ -160,7 +210,9 @@ impl Newton {
                 let share = if own > most { most / own } else { 1.0 };
                 eased.extend(step.stiffness[rows].iter().map(|stiffness| stiffness * share));
             }
-            self.descend(frame, &InequalityStep { stiffness: &eased, ..*step }, course, DIRECT);
+            let softer = InequalityStep { stiffness: &eased, ..*step };
+            self.look(frame, &softer);
+            self.descend(frame, &softer, course, DIRECT);
             most *= HARDER;
         }
         self.eased = eased;
@@ -179,41 +231,38 @@ impl Newton {
         if scale > 0.0 { gradient / scale } else { 0.0 }
     }
 
-    /// Puts z where the objective is lower.
-    fn start(&mut self, frame: &Frame, step: &InequalityStep<'_>, warm: Option<&[f64]>) -> bool {
-        self.z.fill(0.0);
-        self.x.copy_from_slice(&frame.offsets);
-        let at_rest = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
-        let Some(warm) = warm else { return false };
-        frame.deviations(warm, &mut self.along);
-        self.x.copy_from_slice(&self.along);
-        let cost = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
-        let lower = cost + 0.5 * dot_in_lanes(warm, warm) < at_rest;
-        if lower {
-            self.z.copy_from_slice(warm);
-        }
-        lower
-    }
-
     /// z − Gᵀf, and what it is the sum of.
     fn differentiate(&mut self, frame: &Frame, step: &InequalityStep<'_>) {
         let length = norm(&self.z);
-        self.gradient.copy_from_slice(&self.z);
-        self.terms.iter_mut().zip(&self.z).for_each(|(terms, z)| *terms = z.abs());
-        if frame.size == 0 {
-            return;
-        }
-        for (index, row) in frame.rows.chunks_exact(frame.size).enumerate() {
-            let (force, reach) = (self.f[index], frame.reaches[index]);
-            let curved = if self.pieces[index].is_curved() { step.stiffness[index] } else { 0.0 };
+        let given = frame.offsets.iter().zip(&frame.reaches).zip(self.f.iter().zip(&self.pieces));
+        for ((size, stiffness), ((offset, reach), (force, piece))) in
+            self.sizes.iter_mut().zip(step.stiffness).zip(given)
+        {
             // An error of x, ε times its terms, becomes one of f by the stiffness.
-            let size = force.abs() + curved * (frame.offsets[index].abs() + reach * length);
-            if size > 0.0 {
-                axpy(-force, row, &mut self.gradient);
-                for (terms, entry) in self.terms.iter_mut().zip(row) {
-                    *terms += size * entry.abs();
-                }
-            }
+            let curved = if piece.is_curved() { *stiffness } else { 0.0 };
+            *size = force.abs() + curved * (offset.abs() + reach * length);
+        }
+        let Self { z, f, sizes, gradient, terms, sums, .. } = self;
+        sums.clear();
+        sums.resize(2 * frame.size, packs::NONE);
+        let (pulls, most) = sums.split_at_mut(frame.size);
+        if frame.size > 0 {
+            widest(
+                #[inline(always)]
+                || {
+                    let rows = frame.rows.chunks_exact(frame.size);
+                    for (rows, (f, sizes)) in rows.zip(f.as_chunks().0.iter().zip(sizes.as_chunks().0)) {
+                        for (row, (pull, most)) in rows.iter().zip(pulls.iter_mut().zip(most.iter_mut())) {
+                            packs::add_product(row, f, pull);
+                            packs::add_product(&row.map(f64::abs), sizes, most);
+                        }
+                    }
+                },
+            );
+        }
+        for (index, &z) in z.iter().enumerate() {
+            gradient[index] = z - packs::total(&pulls[index]);
+            terms[index] = z.abs() + packs::total(&most[index]);
         }
     }
 
@@ -244,9 +293,8 @@ impl Newton {
         if is_flat(slope, first) {
             return least.sqrt() > STILL * norm(&self.z);
         }
-        for (along, row) in self.along.iter_mut().zip(frame.rows.chunks_exact(frame.size)) {
-            *along = dot_in_lanes(row, &self.step);
-        }
+        self.along.fill(0.0);
+        packs::multiply(&frame.rows, &self.step, &mut self.along);
         let (across, origin, q) = (&mut self.x, &self.origin, &self.along);
         let from = dot_in_lanes(&self.target, &self.step);
         let bend = least + along(step, across, q).1;
@@ -265,11 +313,12 @@ impl Newton {
         self.is_rounding() || alpha * least.sqrt() > STILL * norm(&self.z)
     }
 
-    /// Forces, pieces and gradient at z.
-    fn look(&mut self, frame: &Frame, step: &InequalityStep<'_>) {
+    /// Forces, pieces and gradient at z; gives the cost of the rows.
+    fn look(&mut self, frame: &Frame, step: &InequalityStep<'_>) -> f64 {
         frame.deviations(&self.z, &mut self.x);
-        evaluate(step, &self.x, &mut self.f, &mut self.pieces);
+        let cost = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
         self.differentiate(frame, step);
+        cost
     }
 
     /// Takes the rest of the gradient out of f and z together. Forces of x have its rounding times the stiffness; a step that changes
@@ -285,18 +334,16 @@ impl Newton {
             self.factorise(size);
         }
         self.target.copy_from_slice(&self.gradient);
+        self.u.fill(0.0);
         if self.dual {
-            self.u.clear();
-            self.u.extend(self.b.chunks_exact(size).map(|row| dot_in_lanes(row, &self.target)));
-            self.factor.solve(&mut self.u);
+            packs::multiply(&self.b, &self.target, &mut self.u);
+            self.factor.solve(&mut self.u[..self.curvatures.len()]);
         } else {
             self.factor.solve(&mut self.target);
-            self.u.clear();
-            self.u.extend(self.b.chunks_exact(size).map(|row| dot_in_lanes(row, &self.target)));
+            packs::multiply(&self.b, &self.target, &mut self.u);
         }
         for (curvature, &entry) in self.curvatures.iter().zip(&self.u) {
-            let rows = curvature.first..curvature.first + curvature.dim;
-            for (index, part) in rows.zip(&curvature.entries[..curvature.dim]) {
+            for (index, part) in curvature.entries() {
                 let force = &mut self.f[index];
                 *force += part * entry;
                 if self.pieces[index] == Piece::On {
@@ -310,22 +357,32 @@ impl Newton {
     fn linearise(&mut self, frame: &Frame, step: &InequalityStep<'_>) {
         let size = frame.size;
         curvatures(step, &self.x, &self.pieces, &mut self.curvatures);
-        self.curvatures.retain(|curvature| {
-            (curvature.first..curvature.first + curvature.dim).any(|row| !frame.immobile[row])
-        });
+        self.curvatures.retain(|curvature| curvature.entries().any(|(row, _)| !frame.immobile[row]));
         let count = self.curvatures.len();
         self.b.clear();
-        self.b.resize(count * size, 0.0);
+        self.b.resize(packs_of(count) * size, packs::NONE);
         self.u.clear();
-        for (curvature, row) in self.curvatures.iter().zip(self.b.chunks_exact_mut(size)) {
-            let mut offset = 0.0;
-            for (index, &entry) in (curvature.first..).zip(&curvature.entries[..curvature.dim]) {
-                if entry != 0.0 {
-                    axpy(entry, frame.row(index), row);
-                    offset -= entry * frame.offsets[index];
+        self.u.resize(packs_of(count) * LANES, 0.0);
+        for (index, some) in self.curvatures.chunks(LANES).enumerate() {
+            let own = &mut self.b[index * size..][..size];
+            let u = &mut self.u[index * LANES..][..LANES];
+            for (lane, curvature) in some.iter().enumerate() {
+                for (row, entry) in curvature.entries() {
+                    u[lane] -= entry * frame.offsets[row];
                 }
             }
-            self.u.push(offset);
+            if let Some((pack, entries)) = in_order(some) {
+                for (own, row) in own.iter_mut().zip(&frame.rows[pack * size..][..size]) {
+                    packs::add_product(row, &entries, own);
+                }
+                continue;
+            }
+            for (lane, curvature) in some.iter().enumerate() {
+                for (row, entry) in curvature.entries() {
+                    let rows = &frame.rows[row / LANES * size..][..size];
+                    own.iter_mut().zip(rows).for_each(|(own, rows)| own[lane] += entry * rows[row % LANES]);
+                }
+            }
         }
         self.dual = count <= size;
         self.before.clear();
@@ -335,7 +392,7 @@ impl Newton {
     /// The smaller of the two factors.
     fn factorise(&mut self, size: usize) {
         if self.dual {
-            self.factor.of_rows(self.curvatures.len(), &self.b);
+            self.factor.of_rows(self.curvatures.len(), size, &self.b);
         } else {
             self.factor.of_columns(size, &self.b);
         }
@@ -343,26 +400,36 @@ impl Newton {
 
     /// Where a whole step leads.
     fn aim(&mut self, frame: &Frame, step: &InequalityStep<'_>) {
-        let size = frame.size;
         self.linearise(frame, step);
-        self.factorise(size);
+        self.factorise(frame.size);
         self.target.fill(0.0);
-        for (index, (&force, piece)) in self.f.iter().zip(&self.pieces).enumerate() {
-            if matches!(piece, Piece::SlipForward | Piece::SlipBackward) {
-                axpy(force, frame.row(index), &mut self.target);
+        let slips = |piece: &Piece| matches!(piece, Piece::SlipForward | Piece::SlipBackward);
+        if self.pieces.iter().any(slips) {
+            for (slipping, (force, piece)) in self.along.iter_mut().zip(self.f.iter().zip(&self.pieces)) {
+                *slipping = if slips(piece) { *force } else { 0.0 };
             }
+            packs::multiply_tr(&frame.rows, &self.along, &mut self.sums, &mut self.target);
         }
         if self.dual {
-            for (entry, row) in self.u.iter_mut().zip(self.b.chunks_exact(size)) {
-                *entry -= dot_in_lanes(row, &self.target);
-            }
-            self.factor.solve(&mut self.u);
+            let Self { target, step, .. } = self;
+            step.iter_mut().zip(target.iter()).for_each(|(step, target)| *step = -target);
+            packs::multiply(&self.b, &self.step, &mut self.u);
+            self.factor.solve(&mut self.u[..self.curvatures.len()]);
         }
-        for (&entry, row) in self.u.iter().zip(self.b.chunks_exact(size)) {
-            axpy(entry, row, &mut self.target);
-        }
+        packs::multiply_tr(&self.b, &self.u, &mut self.sums, &mut self.target);
         if !self.dual {
             self.factor.solve(&mut self.target);
         }
     }
+}
+
+/// The pack of rows that some single ones are the first of, and their entries.
+fn in_order(some: &[Curvature]) -> Option<(usize, Pack)> {
+    let first = some.first()?.first;
+    let follow = some.iter().zip(first..).all(|(own, row)| own.dim == 1 && own.first == row);
+    (first.is_multiple_of(LANES) && follow).then(|| {
+        let mut entries = packs::NONE;
+        entries.iter_mut().zip(some).for_each(|(entry, own)| *entry = own.entries[0]);
+        (first / LANES, entries)
+    })
 }

@@ -95,7 +95,14 @@ pub(crate) fn norm(x: &[f64]) -> f64 {
 /// Largest magnitude, which unlike the length neither overflows nor underflows; 0 of nothing.
 #[inline]
 pub(crate) fn largest(x: &[f64]) -> f64 {
-    x.iter().fold(0.0, |largest, entry| largest.max(entry.abs()))
+    let (chunks, rest) = x.as_chunks::<8>();
+    let mut lanes = [0.0_f64; 8];
+    for chunk in chunks {
+        for (lane, entry) in lanes.iter_mut().zip(chunk) {
+            *lane = lane.max(entry.abs());
+        }
+    }
+    lanes.iter().chain(rest).fold(0.0, |largest, entry| largest.max(entry.abs()))
 }
 
 /// y += alpha x.
@@ -349,8 +356,9 @@ pub(crate) fn gram(inner: usize, a: &[f64], c: &mut [f64]) {
 #[inline(always)]
 fn gram_fixed<const N: usize>(inner: usize, a: &[f64], c: &mut [f64]) {
     let mut sum = [[0.0; N]; N];
+    let columns: [&[f64]; N] = std::array::from_fn(|col| &a[col * inner..][..inner]);
     for k in 0..inner {
-        let row: [f64; N] = std::array::from_fn(|col| a[col * inner + k]);
+        let row = columns.map(|column| column[k]);
         for (column, factor) in sum.iter_mut().zip(row) {
             for (entry, other) in column.iter_mut().zip(row) {
                 *entry += factor * other;

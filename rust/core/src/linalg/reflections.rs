@@ -58,14 +58,6 @@ pub(crate) fn solve_upper(rows: usize, matrix: &[f64], diagonal: &[f64], x: &mut
     }
 }
 
-/// Rᵀ x = x of such a factor, with no zero on its diagonal.
-pub(crate) fn solve_upper_tr(rows: usize, matrix: &[f64], diagonal: &[f64], x: &mut [f64]) {
-    for col in 0..diagonal.len() {
-        let part = dot_in_lanes(&matrix[col * rows..col * rows + col], &x[..col]);
-        x[col] = (x[col] - part) / diagonal[col];
-    }
-}
-
 /// Rotates `count` rows of `width` until they are orthogonal, and those of `turns` (`count×count`) with them (Hestenes 1958). Their
 /// lengths are singular values then.
 pub(crate) fn orthogonalise(count: usize, width: usize, rows: &mut [f64], turns: &mut [f64]) {

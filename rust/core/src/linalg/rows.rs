@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::error::{Error, check_len};
+use crate::error::{Error, are_finite, check_len};
 use crate::linalg::kernels::{by_size, combined_fixed, largest, products_fixed};
 
 /// Up to this length rows are taken whole: looking for zeros costs more than they do.
@@ -114,7 +114,7 @@ impl JacobianView<'_> {
     pub(crate) fn check_finite(&self, n: usize, width: usize) -> Result<(), Error> {
         let end = (0..n).next_back().map_or(0, |last| self.range(last, width).end);
         let (Self::Dense(values) | Self::Compressed { values, .. }) = self;
-        if values[..end].iter().fold(true, |finite, value| finite & value.is_finite()) {
+        if are_finite(&values[..end]) {
             return Ok(());
         }
         let found = (0..n).find_map(|row| {
@@ -147,6 +147,8 @@ pub(crate) struct SparseRows {
     lengths: Vec<i32>,
     given: Vec<i32>,
     homes: Vec<usize>,
+    /// Where every entry that is kept comes from.
+    places: Vec<usize>,
     generation: u64,
 }
 
@@ -212,14 +214,11 @@ impl SparseRows {
     /// Fills the pattern in; false where something that it leaves out is not zero.
     fn refill(&mut self, given: &JacobianView<'_>) -> bool {
         let (JacobianView::Dense(values) | JacobianView::Compressed { values, .. }) = given;
-        let mut fits = true;
-        for (&home, &value) in self.homes.iter().zip(*values) {
-            match self.values.get_mut(home) {
-                Some(entry) => *entry = value,
-                None => fits &= value == 0.0,
-            }
+        for (entry, &place) in self.values.iter_mut().zip(&self.places) {
+            *entry = values.get(place).copied().unwrap_or(0.0);
         }
-        fits
+        let count = |values: &[f64]| values.iter().map(|value| u64::from(*value != 0.0)).sum::<u64>();
+        count(&values[..self.homes.len().min(values.len())]) == count(&self.values)
     }
 
     /// Adds what is not zero to the pattern, and fills it in.
@@ -253,6 +252,13 @@ impl SparseRows {
                     self.values[home] = value;
                 }
                 self.homes.push(home);
+            }
+        }
+        self.places.clear();
+        self.places.resize(self.columns.len(), NOWHERE);
+        for (place, &home) in self.homes.iter().enumerate() {
+            if home != NOWHERE {
+                self.places[home] = place;
             }
         }
         self.lengths.clear();

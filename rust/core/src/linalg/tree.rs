@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::linalg::packs::{Pack, add_scaled, is_zero};
 use crate::linalg::rows::size;
 
 /// Borrowed arrays of M and its factor. Row i of both has an entry for velocity i, its last, and for velocities that it hangs on.
@@ -174,6 +175,24 @@ impl Tree {
             *entry *= root;
         }
     }
+
+    /// The same of several vectors.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    pub(crate) fn whiten_pack(&self, x: &mut [Pack]) {
+        for row in (0..self.len()).rev() {
+            let entry = x[row];
+            if !is_zero(&entry) {
+                let (columns, range) = self.above(row);
+                for (&column, &factor) in columns.iter().zip(&self.factor[range]) {
+                    add_scaled(-factor, &entry, &mut x[column]);
+                }
+            }
+        }
+        for (pack, root) in x.iter_mut().zip(&self.roots) {
+            *pack = pack.map(|entry| entry * root);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -210,10 +229,14 @@ mod tests {
         let x = nalgebra::DVector::from_row_slice(&[1.0, -2.0, 0.5, 3.0]);
         let mut product = &dense * &x;
         assert_eq!((tree.row(3), tree.inverse_diagonal()[1]), ((&[0, 2, 3][..], &mass[5..]), 4.0));
-        let mut whitened: [f64; 4] = product.as_slice().try_into().expect("four");
-        tree.whiten(&mut whitened);
-        let energy: f64 = whitened.iter().map(|entry| entry * entry).sum();
-        assert!((energy - x.dot(&(&dense * &x))).abs() < 1e-12);
+        let scale = |lane: usize| 0.5 * lane as f64 - 1.0;
+        let mut whitened: Vec<Pack> =
+            product.iter().map(|&entry| std::array::from_fn(|lane| entry * scale(lane))).collect();
+        tree.whiten_pack(&mut whitened);
+        for lane in 0..whitened[0].len() {
+            let found: f64 = whitened.iter().map(|pack| pack[lane] * pack[lane]).sum();
+            assert!((found - x.dot(&product) * scale(lane).powi(2)).abs() < 1e-11, "{found}");
+        }
         tree.solve(product.as_mut_slice());
         assert!((x - product).amax() < 1e-14);
     }

@@ -3,6 +3,8 @@
 use nalgebra::DMatrix;
 
 use super::fold::Fold;
+use crate::linalg::kernels::widest;
+use crate::linalg::packs::{self, LANES, Pack};
 use crate::linalg::rows::SparseRows;
 use crate::linalg::spans::{Envelope, Spans};
 use crate::linalg::tree::Tree;
@@ -17,6 +19,7 @@ pub(crate) struct Whitened {
     pub(crate) envelope: Envelope,
     /// Whether it is that of the step at hand.
     pub(crate) made: bool,
+    pub(crate) packs: Vec<Pack>,
 }
 
 /// What a step is made of, as far as it is sparse.
@@ -34,12 +37,24 @@ impl Whitened {
     /// Makes it from the rows and the factor of M; tells whether entries of A lie elsewhere than before.
     pub(crate) fn make(&mut self, given: Sparse<'_>) -> bool {
         let (nv, Sparse { rows, fold, tree, .. }) = (self.columns.nrows(), given);
-        let columns = self.columns.as_mut_slice().chunks_exact_mut(nv.max(1));
-        for (column, (representative, scale)) in columns.zip(fold.classes()) {
-            rows.scatter(representative, 1.0, &mut *column);
-            tree.whiten(column);
-            for entry in column {
-                *entry *= scale;
+        let (packs, mut classes) = (&mut self.packs, fold.classes());
+        for some in self.columns.as_mut_slice().chunks_mut(LANES * nv.max(1)) {
+            packs.clear();
+            packs.resize(nv, packs::NONE);
+            let mut scales = [1.0; LANES];
+            for lane in 0..some.len() / nv.max(1) {
+                if let Some((representative, scale)) = classes.next() {
+                    let (columns, values) = rows.row(representative);
+                    columns.iter().zip(values).for_each(|(&column, &value)| packs[column][lane] = value);
+                    scales[lane] = scale;
+                }
+            }
+            widest(
+                #[inline(always)]
+                || tree.whiten_pack(packs),
+            );
+            for (lane, (column, scale)) in some.chunks_exact_mut(nv.max(1)).zip(scales).enumerate() {
+                column.iter_mut().zip(packs.iter()).for_each(|(entry, pack)| *entry = pack[lane] * scale);
             }
         }
         self.locate()

@@ -6,6 +6,7 @@ use super::ConstrainedSystem;
 use super::parts::Parts;
 use super::scale::power_of_two;
 use crate::error::{Error, check_finite, check_len, check_size};
+use crate::linalg::tree::Tree;
 
 impl ConstrainedSystem {
     pub(crate) fn parts(&self) -> Parts<'_> {
@@ -19,15 +20,16 @@ impl ConstrainedSystem {
         }
     }
 
-    /// Multiplies rows (`nv` each) by L⁻¹, M = L Lᵀ.
+    /// M and its factor, where they lie along a tree.
+    pub(crate) fn tree(&self) -> Option<&Tree> {
+        self.planning.on_tree.then_some(&self.tree)
+    }
+
+    /// Multiplies rows (`nv` each) by L⁻¹, M = L Lᵀ of a system that does not lie on a [`tree`](Self::tree).
     ///
     /// # Errors
     /// [`Error::Factored`] where the inertia is somebody else's.
     pub(crate) fn whiten(&self, rows: &mut [f64]) -> Result<(), Error> {
-        if self.planning.on_tree {
-            rows.chunks_exact_mut(self.nv()).for_each(|row| self.tree.whiten(row));
-            return Ok(());
-        }
         if self.mass_factor.is_empty() {
             return Err(Error::Factored);
         }

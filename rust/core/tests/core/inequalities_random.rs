@@ -266,7 +266,7 @@ fn numbers_that_are_none_are_refused_and_leave_the_solver_usable() {
         }
         let start = vec![bad; good.nv()];
         let error = inequalities.solve(&mut system, &good.rows(), Some(&start), None).expect_err("bad start");
-        assert!(matches!(error, Error::NonFinite { what: "warm", .. }));
+        assert!(matches!(error, Error::NonFinite { what: "near", .. }));
     }
     let mut case = good.clone();
     case.groups.pop();
@@ -376,8 +376,8 @@ fn wild_numbers_are_an_error_or_a_finite_answer_and_leave_nothing_behind() {
                 let forces = inequalities.forces().to_vec();
                 let all = forces.iter().chain(inequalities.generalised_force());
                 assert!(all.clone().all(|entry| entry.is_finite()), "{seed}: {report:?}");
-                // Rates of any size: a certificate or an error.
-                let _ = inequalities.certify(&case.aref, &forces);
+                // Accelerations of any size: a certificate or an error.
+                let _ = inequalities.certify(&case.force, &forces);
                 answered += 1;
             }
             Err(_) => refused += 1,

@@ -101,9 +101,9 @@ impl Touching {
     }
 
     /// The whole answer, by a solver of the registry for the equality rows.
-    pub fn solve(&self, inequalities: &mut Inequalities, name: &str, warm: Option<&[f64]>) -> Whole {
+    pub fn solve(&self, inequalities: &mut Inequalities, name: &str, near: Option<&[f64]>) -> Whole {
         let mut system = ConstrainedSystem::new();
-        self.solve_in(&mut system, inequalities, name, warm)
+        self.solve_in(&mut system, inequalities, name, near)
     }
 
     /// The same in a system that was there before.
@@ -112,12 +112,11 @@ impl Touching {
         system: &mut ConstrainedSystem,
         inequalities: &mut Inequalities,
         name: &str,
-        warm: Option<&[f64]>,
+        near: Option<&[f64]>,
     ) -> Whole {
         let nv = self.nv();
         system.assemble(&self.smooth()).expect("a good step");
-        let needed = warm.map(|qacc| self.needed(qacc));
-        let report = inequalities.solve(system, &self.rows(), needed.as_deref(), None).expect("good rows");
+        let report = inequalities.solve(system, &self.rows(), near, None).expect("good rows");
         let forces = inequalities.forces().to_vec();
         // Another start: one solve with M, by a system without inequality rows.
         let start = self.pushed(inequalities.generalised_force());
@@ -127,7 +126,7 @@ impl Touching {
         system.solve(&mut *solver, Wanted::Multipliers, &mut multipliers).expect("good input");
         let (mut qfrc, mut qacc) = (vec![0.0; nv], vec![0.0; nv]);
         system.acceleration(&multipliers, &mut qfrc, &mut qacc).expect("finite");
-        let certificate = inequalities.certify(&self.rates(&qacc), &forces).expect("finite");
+        let certificate = inequalities.certify(&qacc, &forces).expect("finite");
         Whole { qacc, multipliers, forces, report, certificate }
     }
 
