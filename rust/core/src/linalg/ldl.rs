@@ -241,6 +241,20 @@ impl SparseLdl {
         }
     }
 
+    /// A bound of the largest eigenvalue: the largest sum of magnitudes of a row. `sums` has one entry a row.
+    pub(crate) fn bound(&self, sums: &mut [f64]) -> f64 {
+        let (diagonal, entries) = self.entries.split_at(self.places.len());
+        sums.iter_mut().zip(diagonal).for_each(|(sum, entry)| *sum = entry.abs());
+        for (row, range) in self.row_starts.windows(2).enumerate() {
+            let range = range[0]..range[1];
+            for (&column, entry) in self.row_columns[range.clone()].iter().zip(&entries[range]) {
+                sums[row] += entry.abs();
+                sums[column as usize] += entry.abs();
+            }
+        }
+        sums.iter().fold(0.0, |most, &sum| if sum <= most { most } else { sum })
+    }
+
     /// y = the matrix times x, in the order of elimination.
     pub(crate) fn multiply(&self, x: &[f64], y: &mut [f64]) {
         let (diagonal, entries) = self.entries.split_at(self.places.len());

@@ -7,14 +7,20 @@
 //! A is of full rank, clearly, where A − τE has a factor with positive pivots, τ by block: every eigenvalue exceeds τ then
 //! (Sylvester), and no null space has to be found. The pivots of A itself in the order of least fill would not tell: a chain with
 //! pivots of 1 can be singular. Of soft rows A has R on its diagonal.
+//!
+//! Where an eigenvalue is near the cut, on the way through a singular pose, the same count is made at the cut itself; the vectors of a few
+//! that lie below it are found and left out.
 
+mod near;
 mod plan;
 
+use self::near::{Near, SLACK};
 use self::plan::Plan;
 use crate::info::Info;
 use crate::linalg::kernels::norm;
 use crate::problem::Problem;
 use crate::problem::whitened::Sparse;
+use crate::solvers::eigen::GRADED;
 use crate::solvers::sparse::SparseFactor;
 
 /// τ is this many times the cut, as a part of the largest entry of the diagonal: the largest eigenvalue of a block exceeds it by a
@@ -41,6 +47,11 @@ pub struct Dual {
     x: Vec<f64>,
     residual: Vec<f64>,
     image: Vec<f64>,
+    near: Near,
+    /// The largest eigenvalue, where one is near the cut.
+    largest: f64,
+    /// Sizes of constraints.
+    sizes: Vec<f64>,
 }
 
 impl SparseFactor for Dual {
@@ -57,6 +68,9 @@ impl SparseFactor for Dual {
             x: none(),
             residual: none(),
             image: none(),
+            near: Near::new(),
+            largest: 0.0,
+            sizes: none(),
         }
     }
 
@@ -72,13 +86,28 @@ impl SparseFactor for Dual {
         }
         self.plan.fill(sparse, problem.softness);
         self.find_shifts(problem);
-        if !(self.proves() && self.plan.ldl.factorise()) {
+        let proved = self.count_below() == Some(0);
+        let dropped = if proved { 0 } else { self.count_near(problem)? };
+        if !self.plan.ldl.factorise() {
             return None;
+        }
+        self.near.drop_none();
+        if dropped > 0 {
+            let (near, ldl, cut) = (&mut self.near, &self.plan.ldl, problem.blocks.cut(self.rank_cut));
+            near.find(n, (dropped, cut * self.largest), |v: &[f64], image: &mut [f64]| {
+                image.copy_from_slice(v);
+                ldl.solve(image);
+            })?;
         }
         for (row, &place) in self.plan.places.iter().enumerate() {
             self.rhs[place as usize] = problem.rhs[row];
         }
-        let residual_rel = self.refine()?;
+        let size = norm(&self.rhs);
+        let inconsistency = self.near.project(&mut self.rhs);
+        let mut residual_rel = self.refine()?;
+        if dropped > 0 {
+            residual_rel = self.leave_out(size);
+        }
         for (entry, &place) in x.iter_mut().zip(&self.plan.places) {
             *entry = self.x[place as usize];
         }
@@ -87,11 +116,15 @@ impl SparseFactor for Dual {
             let rank = blocks.of(block).len();
             blocks.hold_rank(block, rank);
         }
+        let margin =
+            (dropped > 0).then(|| self.near.least_kept / (problem.blocks.cut(self.rank_cut) * self.largest));
         Some(Info {
             residual_rel,
-            inconsistency: Some(0.0),
-            rank: Some(n),
-            null_residual: Some(0.0),
+            margin,
+            inconsistency: Some(inconsistency),
+            rank: Some(n - dropped),
+            null_residual: Some(if dropped > 0 { self.near.largest_dropped / self.largest } else { 0.0 }),
+            fallbacks: usize::from(!proved),
             ..Info::trivial(0.0)
         })
     }
@@ -120,16 +153,63 @@ impl Dual {
         }
     }
 
-    /// Whether A − τE is positive definite; leaves A as it was.
-    fn proves(&mut self) -> bool {
+    /// How many eigenvalues of A τ exceeds; leaves A as it was.
+    fn count_below(&mut self) -> Option<usize> {
         let ldl = &mut self.plan.ldl;
         for ((entry, shift), kept) in ldl.entries_mut().iter_mut().zip(&self.shifts).zip(&mut self.image) {
             *kept = *entry;
             *entry -= shift;
         }
-        let definite = ldl.factorise() && ldl.pivots().iter().all(|pivot| *pivot > f64::MIN_POSITIVE);
+        let found = ldl.factorise();
+        let below = ldl.pivots().iter().filter(|pivot| **pivot <= f64::MIN_POSITIVE).count();
         ldl.entries_mut()[..self.image.len()].copy_from_slice(&self.image);
-        definite
+        found.then_some(below)
+    }
+
+    /// How many eigenvalues of A lie below the cut, of one block whose constraints are of one size, where all that is known of the
+    /// largest says the same.
+    fn count_near(&mut self, problem: &Problem<'_>) -> Option<usize> {
+        let (blocks, cut) = (&*problem.blocks, problem.blocks.cut(self.rank_cut));
+        let n = self.shifts.len();
+        // Rows whose rank nobody holds may be redundant at every pose, which is not for this factor.
+        let held = blocks.len() == 1 && blocks.holds(0);
+        if !held || problem.softness.is_some() || cut <= CLEAR * n as f64 * f64::EPSILON {
+            return None;
+        }
+        let Self { plan, sizes, .. } = self;
+        let diagonal = &plan.ldl.entries_mut()[..n];
+        if blocks.sizes(blocks.of(0), |row| diagonal[plan.places[row] as usize], sizes) > GRADED {
+            return None;
+        }
+        // Where none is below that part of a bound, nothing has to be known of the largest.
+        let bound = plan.ldl.bound(&mut self.residual);
+        if self.count_below_all(cut * bound) == Some(0) {
+            return Some(0);
+        }
+        let Self { plan, near, .. } = self;
+        let largest = near.largest(n, |v, image| plan.ldl.multiply(v, image))?;
+        let count = self.count_below_all(cut * (SLACK * largest))?;
+        self.largest = largest;
+        let certain = self.count_below_all(SLACK * largest)? == n
+            && (count == 0 || self.count_below_all(cut * largest)? == count);
+        certain.then_some(count)
+    }
+
+    fn count_below_all(&mut self, bound: f64) -> Option<usize> {
+        self.shifts.fill(bound);
+        self.count_below()
+    }
+
+    /// Leaves what lies below the cut out of x; gives the residual of the rest, relative to ‖b‖.
+    fn leave_out(&mut self, size: f64) -> f64 {
+        let Self { plan, rhs, x, residual, image, near, .. } = self;
+        near.project(x);
+        plan.ldl.multiply(x, image);
+        for ((left, given), image) in residual.iter_mut().zip(&*rhs).zip(&*image) {
+            *left = given - image;
+        }
+        near.project(residual);
+        if size > 0.0 { norm(residual) / size } else { 0.0 }
     }
 
     /// x = A⁻¹ b; gives its relative residual.

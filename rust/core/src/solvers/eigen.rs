@@ -38,7 +38,7 @@ pub(crate) const SEMIDEFINITE_TOLERANCE: f64 = 1e-10;
 
 /// Ratio of the sizes of the constraints of a block from which on it is scaled before its rank is counted. Below, the scaling
 /// would move an eigenvalue by no more than that.
-const GRADED: f64 = 100.0;
+pub(crate) const GRADED: f64 = 100.0;
 
 /// Smallest eigenvalue that is kept, as a part of the largest, that a tridiagonal matrix gives with ten digits.
 const ILL: f64 = 1e-6;
@@ -319,7 +319,6 @@ impl SymmetricEigen {
     }
 
     /// The i-th eigenvalue; those dropped come first.
-    #[cfg(test)]
     #[must_use]
     pub(crate) fn value(&self, i: usize) -> f64 {
         self.values[i]
