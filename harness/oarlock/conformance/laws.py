@@ -160,7 +160,8 @@ class Laws:
         return solved
 
     def _joined(self, rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> Solved:
-        return Solved(*(np.array(column) for column in zip(*rows, strict=True)), self.blocks)
+        qacc, force, smooth = (np.array(column) for column in zip(*rows, strict=True))
+        return Solved(qacc, force, smooth, self.blocks)
 
     def _changed(self, law: Law) -> mujoco.MjModel:
         if not law.cone and not law.masses and not law.arrays:
