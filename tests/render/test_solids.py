@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
-from oarlock.base.shapes import rotated
+from oarlock.base.shapes import coarse, rotated
 from oarlock.mechanics.shapes import shapes_of
-from oarlock.render.solids import ROUND, coarse, hull, outlines
+from oarlock.render.solids import ROUND, hull, outlines
 
 RIM = 1.0 - np.cos(np.pi / ROUND) + 1e-6
 """Of a radius: so far a polygon with as many corners as a circle is drawn with stays inside of it."""

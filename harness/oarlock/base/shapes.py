@@ -1,11 +1,18 @@
 """Simple solids on bodies, as models are drawn with them, and where turns take them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 STICK = "stick"
 """Kind of what is drawn of a body of which nothing else is to be seen: a line from ``pos`` to ``size``."""
+
+TRIANGLES = 600
+"""Of the meshes of a drawing together; those with more are made coarser."""
+
+FEWEST = 60
+"""Triangles that a mesh may keep however many others there are."""
 
 
 @dataclass(frozen=True)
@@ -57,3 +64,11 @@ def thinned(vertices: np.ndarray, faces: np.ndarray, most: int) -> Mesh:
             return middles, kept[: max(most, 0)]
         cells *= 0.8
     return vertices, faces
+
+
+def coarse(meshes: Sequence[Mesh], most: int = TRIANGLES) -> list[Mesh]:
+    """Meshes with at most so many triangles together, or as few as can be."""
+    total = sum(len(faces) for _, faces in meshes)
+    if total <= most:
+        return list(meshes)
+    return [thinned(vertices, faces, max(FEWEST, most * len(faces) // total)) for vertices, faces in meshes]

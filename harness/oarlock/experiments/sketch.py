@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
+from oarlock.base.shapes import coarse
 from oarlock.mechanics.names import Equality, element_name, equalities
 from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
 from oarlock.mechanics.shapes import body_poses, shapes_of
-from oarlock.render.solids import coarse
 from oarlock.tables.spool import Spool
 
 TRACE_POINTS = 240

@@ -5,16 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from oarlock.base.shapes import STICK, Mesh, Shape, rotated, thinned
+from oarlock.base.shapes import STICK, Mesh, Shape, rotated
 
 ROUND = 24
 """Points of a circle."""
-
-TRIANGLES = 600
-"""Of the meshes of a drawing together; those with more are made coarser."""
-
-FEWEST = 60
-"""Triangles that a mesh may keep however many others there are."""
 
 DARK = 0.5
 """Of its colour: what a face has that is seen edge on."""
@@ -45,14 +39,6 @@ class Outline:
     def colour(self) -> str:
         """Of the fill, as pages have it."""
         return "#" + "".join(f"{round(255 * min(max(part, 0.0), 1.0)):02x}" for part in self.fill)
-
-
-def coarse(meshes: Sequence[Mesh], most: int = TRIANGLES) -> list[Mesh]:
-    """Meshes with at most so many triangles together, or as few as can be."""
-    total = sum(len(faces) for _, faces in meshes)
-    if total <= most:
-        return list(meshes)
-    return [thinned(vertices, faces, max(FEWEST, most * len(faces) // total)) for vertices, faces in meshes]
 
 
 def outlines(

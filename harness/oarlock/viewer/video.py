@@ -15,12 +15,13 @@ import numpy as np
 import vl_convert
 
 from oarlock.base.errors import InputError
-from oarlock.base.files import replacing
+from oarlock.base.files import replacing, write_bytes
 from oarlock.base.numbers import figure
 from oarlock.base.progress import Progress
+from oarlock.base.shapes import coarse
 from oarlock.render.gif import Gif
 from oarlock.render.png import decoded, encoded
-from oarlock.render.solids import Outline, coarse, outlines
+from oarlock.render.solids import Outline, outlines
 from oarlock.viewer.film import Side
 from oarlock.viewer.rendering import Rendering
 from oarlock.viewer.show import Show
@@ -191,7 +192,7 @@ def _gif(video: Video, path: Path, done: Callable[[int], None]) -> None:
     for picture in video.pictures():
         made.add(decoded(picture)[..., :3])
         done(1)
-    path.write_bytes(made.content())
+    write_bytes(path, made.content())
 
 
 def _mp4(video: Video, path: Path, done: Callable[[int], None]) -> None:

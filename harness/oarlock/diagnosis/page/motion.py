@@ -16,7 +16,7 @@ import numpy as np
 
 from oarlock.base.errors import InputError
 from oarlock.base.numbers import figure
-from oarlock.base.shapes import Mesh, Shape
+from oarlock.base.shapes import Mesh, Shape, coarse
 from oarlock.base.text import one_line as plain
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.loops import Loops
@@ -28,7 +28,7 @@ from oarlock.mechanics.shapes import body_poses, shapes_of
 from oarlock.poses.assembly import anchors
 from oarlock.poses.layout import Layout
 from oarlock.render.charts import VIEW
-from oarlock.render.solids import ROUND, coarse, outlines
+from oarlock.render.solids import ROUND, outlines
 
 FRAMES = 140
 """Poses of a run that are drawn."""
