@@ -368,7 +368,7 @@ pub fn make_solver(
         }
         None => core::make_solver(&name, &given).map_err(|error| match error {
             core::Error::UnknownSolver { name, valid } => {
-                let own = own_solvers().into_iter().map(|(name, _)| format!(", {name}")).collect::<String>();
+                let own = own_solvers().into_iter().fold(String::new(), |told, (name, _)| told + ", " + name);
                 input_error(core::Error::UnknownSolver { name, valid: valid + &own })
             }
             error => input_error(error),

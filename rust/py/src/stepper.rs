@@ -143,7 +143,7 @@ impl Stepper {
         let (figures, tally) = (PyDict::new(py), found.tally);
         let multipliers: Bound<'py, PyArray1<f64>> = found.multipliers.to_vec().into_pyarray(py);
         figures.set_item("info", Info::new(*found.info, std::time::Duration::ZERO))?;
-        figures.set_item("status", tally.status.map(|status| status.name()))?;
+        figures.set_item("status", tally.status.map(oarlock_core::Status::name))?;
         figures.set_item("solves", tally.solves)?;
         figures.set_item("iterations", tally.iterations)?;
         figures.set_item("multipliers", multipliers)?;

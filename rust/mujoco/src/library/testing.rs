@@ -38,7 +38,7 @@ fn library() -> String {
     let python = env::var_os("PYO3_PYTHON").unwrap_or_else(|| "python3".into());
     let output = Command::new(&python).args(["-c", FIND]).output().expect("an interpreter");
     let printed = String::from_utf8(output.stdout).expect("a path in UTF-8");
-    printed.lines().next().unwrap_or_else(|| panic!("{python:?} has no package mujoco")).to_owned()
+    printed.lines().next().unwrap_or_else(|| panic!("{} has no package mujoco", python.display())).to_owned()
 }
 
 /// Loads the library once, as `import mujoco` would.

@@ -136,7 +136,9 @@ impl Near {
             if !(left.is_finite() && left > f64::MIN_POSITIVE) {
                 return None;
             }
-            next.iter_mut().for_each(|entry| *entry /= left);
+            for entry in next.iter_mut() {
+                *entry /= left;
+            }
             if step + 1 < STEPS {
                 self.tridiagonal[step * (STEPS + 1) + 1] = left;
                 self.tridiagonal[(step + 1) * STEPS + step] = left;
