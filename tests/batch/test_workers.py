@@ -18,6 +18,9 @@ from places import TESTS
 from suites import SILENCE_S, alive, slow_with_a_pulse, stopped_once, stopped_twice
 from tolerances import GONE_S
 
+SPAWNED_S = 10.0
+"""More than a process takes to start on a machine with other things to do, s."""
+
 PARENT = """
 import sys, threading
 sys.path.insert(0, sys.argv[1])
@@ -118,7 +121,7 @@ def test_no_worker_outlives_its_parent(tmp_path, thread, number):
 
 
 def test_what_a_stopped_worker_had_is_done_elsewhere(tmp_path):
-    with closing(LocalWorkers(2, limit_s=3.0)) as workers:
+    with closing(LocalWorkers(2, limit_s=SPAWNED_S)) as workers:
         items = [str(tmp_path / name) for name in "abc"]
         began = time.monotonic()
         done = {d.item: d for d in dispatch(stopped_once, items, workers)}
@@ -133,7 +136,7 @@ def test_what_goes_on_may_take_as_long_as_it_likes(tmp_path):
 
 
 def test_what_never_ends_fails_and_nothing_else_does(tmp_path):
-    with closing(LocalWorkers(2, limit_s=3.0)) as workers:
+    with closing(LocalWorkers(2, limit_s=SPAWNED_S)) as workers:
         items = [str(tmp_path / name) for name in "abc"]
         done = {d.item: d for d in dispatch(stopped_twice, items, workers)}
     errors = {item: str(d.error) for item, d in done.items() if d.error}
