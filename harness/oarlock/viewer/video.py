@@ -1,10 +1,11 @@
 """A video of both motions side by side: drawn without a graphics card, or by MuJoCo's own renderer where there is one.
 
-Pictures are SVG, which is made pixels here. A GIF is written here as well, an MP4 by ffmpeg.
+Pictures are SVG, which is made pixels here. A GIF is written by Pillow, an MP4 by ffmpeg.
 """
 
 import base64
 import html
+import io
 import os
 import shutil
 import subprocess
@@ -13,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import vl_convert
+from PIL import Image
 
 from oarlock.base.errors import InputError
-from oarlock.base.files import replacing, write_bytes
+from oarlock.base.files import replacing
 from oarlock.base.numbers import figure
 from oarlock.base.progress import Progress
 from oarlock.base.shapes import coarse
-from oarlock.render.gif import Gif
-from oarlock.render.png import decoded, encoded
 from oarlock.render.solids import Outline, outlines
 from oarlock.viewer.film import Side
 from oarlock.viewer.rendering import Rendering
@@ -145,7 +145,7 @@ class Video:
     def _side(self, side: Side, frame: int) -> str:
         poses = side.poses[frame]
         if self._rendering is not None:
-            picture = base64.b64encode(encoded(self._rendering.picture(poses))).decode("ascii")
+            picture = base64.b64encode(_png(self._rendering.picture(poses))).decode("ascii")
             drawn = f'<image width="{WIDE}" height="{HIGH}" href="data:image/png;base64,{picture}"/>'
         else:
             shown = self._shown
@@ -188,11 +188,27 @@ class Video:
 def _gif(video: Video, path: Path, done: Callable[[int], None]) -> None:
     every = video.frames
     spread = sorted({every[int(at)] for at in np.linspace(0, len(every) - 1, SAMPLED)})
-    made = Gif((decoded(vl_convert.svg_to_png(video.picture(frame)))[..., :3] for frame in spread), 1.0 / RATE)
-    for picture in video.pictures():
-        made.add(decoded(picture)[..., :3])
-        done(1)
-    write_bytes(path, made.content())
+    some = [np.asarray(_pixels(vl_convert.svg_to_png(video.picture(frame)))) for frame in spread]
+    # One palette for all: colours of its own for every frame would flicker.
+    palette = Image.fromarray(np.concatenate(some)).quantize(256)
+
+    def frames() -> Iterator[Image.Image]:
+        for picture in video.pictures():
+            yield _pixels(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+            done(1)
+
+    drawn = frames()
+    next(drawn).save(path, format="GIF", save_all=True, append_images=drawn, duration=1000 // RATE, loop=0)
+
+
+def _pixels(picture: bytes) -> Image.Image:
+    return Image.open(io.BytesIO(picture)).convert("RGB")
+
+
+def _png(pixels: np.ndarray) -> bytes:
+    written = io.BytesIO()
+    Image.fromarray(pixels).save(written, format="PNG")
+    return written.getvalue()
 
 
 def _mp4(video: Video, path: Path, done: Callable[[int], None]) -> None:
