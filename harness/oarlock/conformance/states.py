@@ -61,7 +61,7 @@ class Plan:
         generated: whether the text of the model has rounded numbers.
         closed: so many states, the first ones, are closed; those after them are for engines whose rows may be open.
         mujoco_gap: the largest deviation of a row in that run of MuJoCo, m or rad.
-        extent: of the mechanism, m.
+        extent: of the mechanism, m, as MuJoCo has it.
     """
 
     name: str
@@ -154,7 +154,7 @@ def prepare(asked: str, count: int, seed: int) -> tuple[Files, Plan]:
         generated=case.model_path.suffix == ".py",
         closed=1 + count + rest,
         mujoco_gap=gap,
-        extent=_extent(model, setup.start.qpos),
+        extent=float(model.stat.extent),
     )
     return {**text, "model.npz": arrays_of(model), "states.parquet": states.table()}, plan
 
@@ -181,14 +181,6 @@ def _opened(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray, seed: int
     for pose in poses:
         mujoco.mj_integratePos(model, pose, OPEN * numbers.uniform(-1.0, 1.0, model.nv), 1.0)
     return poses, qvel + OPEN * SPEED * numbers.uniform(-1.0, 1.0, qvel.shape)
-
-
-def _extent(model: mujoco.MjModel, qpos: np.ndarray) -> float:
-    """Half the diagonal of a box around all bodies at a pose (nq), m."""
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_kinematics(model, data)
-    return 0.5 * float(np.linalg.norm(data.xpos[1:].max(axis=0) - data.xpos[1:].min(axis=0)))
 
 
 def _controls(model: mujoco.MjModel, count: int, seed: int) -> np.ndarray:

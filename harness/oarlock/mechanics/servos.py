@@ -11,6 +11,8 @@ from oarlock.mechanics.names import element_name
 _ON_JOINT = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
 _ONE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
+_GROUPS = 31
+"""Of actuators that can be switched off."""
 _FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
 
 
@@ -46,6 +48,21 @@ class Servo:
         if not model.actuator_ctrllimited[self.index]:
             return control
         return float(np.clip(control, *model.actuator_ctrlrange[self.index]))
+
+
+def moments(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """What every velocity gets of an actuator's force, (nu, nv); 0 of those that are switched off.
+
+    The position stage of ``data`` is done.
+    """
+    found = np.zeros((model.nu, model.nv))
+    if not model.nu or model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
+        return found
+    mujoco.mju_sparse2dense(found, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
+    group = model.actuator_group
+    off = (group >= 0) & (group < _GROUPS) & (int(model.opt.disableactuator) >> np.clip(group, 0, _GROUPS - 1) & 1 == 1)
+    found[off] = 0.0
+    return found
 
 
 def servos(model: mujoco.MjModel) -> Iterator[Servo]:

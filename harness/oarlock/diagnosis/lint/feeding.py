@@ -16,6 +16,7 @@ from oarlock.diagnosis.lint.view import JOINT, Remark, View
 from oarlock.mechanics.engine_version import full_mass, tendon_jacobian
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.mechanics.servos import moments
 
 GROWS = 1e-9
 """Relative, of the largest damping or stiffness: less is rounding."""
@@ -54,7 +55,7 @@ def look(view: View) -> Iterator[Remark]:
             own = [one for one in every if one.value < 0.0]
             if not own or not allowed.shape[1]:
                 continue
-            rate = _growth(allowed, [*every], passive)
+            rate = _growth(allowed, every, passive)
             if rate <= 0.0 or _growth(allowed, [one for one in every if one.value >= 0.0], passive) > 0.0:
                 continue  # they are damped or held by the rest, or it is not theirs
             whole = passive + sum(np.outer(one.direction, one.value * one.direction) for one in every)
@@ -67,25 +68,18 @@ def look(view: View) -> Iterator[Remark]:
 def _coefficients(view: View, which: int) -> list[Coefficient]:
     """Of the actuators that act back: of their lengths (1) or velocities (2), at the controls of the start."""
     model, data = view.model, view.data
-    if not model.nu or model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
-        return []
-    moment = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
     found = []
-    for index in range(model.nu):
-        group = int(model.actuator_group[index])
-        if 0 <= group < 31 and int(model.opt.disableactuator) >> group & 1:
-            continue
+    for index, moment in enumerate(moments(model, data)):
         bias = gain = 0.0
         if model.actuator_biastype[index] == mujoco.mjtBias.mjBIAS_AFFINE:
             bias = float(model.actuator_biasprm[index, which])
         if model.actuator_gaintype[index] == mujoco.mjtGain.mjGAIN_AFFINE and not model.actuator_dyntype[index]:
             gain = float(model.actuator_gainprm[index, which] * data.ctrl[index])
-        if not (bias or gain) or not moment[index].any():
+        if not (bias or gain) or not moment.any():
             continue
         place = f"biasprm[{which}] = {bias:g}" if bias else f"gainprm[{which}] at its control"
         name = element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index)
-        found.append(Coefficient(index, name, moment[index], -(bias + gain), place))
+        found.append(Coefficient(index, name, moment, -(bias + gain), place))
     return found
 
 

@@ -22,6 +22,7 @@ from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.mechanics.rows import closing_jacobian
+from oarlock.mechanics.servos import moments
 
 SUSPECT = 1.0
 """h²k/I + 2hc/I of an actuator on the mechanism without its loops, where it moves most easily: from here on it is
@@ -179,19 +180,13 @@ def _shaking(view: View) -> Iterator[Remark]:
 
 def feedbacks(model: mujoco.MjModel, data: mujoco.MjData) -> list[Feedback]:
     """The actuators that act back with an affine bias; the position stage of ``data`` is done."""
-    if not model.nu or model.opt.disableflags & _FLAG.mjDSBL_ACTUATION:
-        return []
-    moment = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
     found = []
-    for index in range(model.nu):
-        group = int(model.actuator_group[index])
-        off = 0 <= group < 31 and int(model.opt.disableactuator) >> group & 1
-        if off or model.actuator_biastype[index] != mujoco.mjtBias.mjBIAS_AFFINE:
+    for index, moment in enumerate(moments(model, data)):
+        if not moment.any() or model.actuator_biastype[index] != mujoco.mjtBias.mjBIAS_AFFINE:
             continue
         spring, damper = -model.actuator_biasprm[index, 1:3]
-        if (spring > 0.0 or damper > 0.0) and moment[index].any():
-            found.append(Feedback(index, moment[index], max(0.0, float(spring)), max(0.0, float(damper))))
+        if spring > 0.0 or damper > 0.0:
+            found.append(Feedback(index, moment, max(0.0, float(spring)), max(0.0, float(damper))))
     return found
 
 

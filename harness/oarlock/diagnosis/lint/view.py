@@ -15,6 +15,7 @@ from oarlock.diagnosis.loops.mobility import Tilt, find_mobility, find_tilts
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import Equality, element_name, equalities
+from oarlock.mechanics.servos import moments
 from oarlock.poses.assembly import Assembly
 
 BODY, JOINT, TENDON = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_TENDON
@@ -92,14 +93,10 @@ class View:
     @cached_property
     def held(self) -> tuple[Held, ...]:
         """What an actuator drives and equalities hold at that pose; not what a constant or a mocap body holds."""
-        model, data = self.model, self.data
-        moment = np.zeros((model.nu, model.nv))
-        if not model.nu or not self.equalities or not self.loops.closed:
+        if not self.model.nu or not self.equalities or not self.loops.closed:
             return ()
-        mujoco.mju_sparse2dense(
-            moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-        )
-        found = find_held(self.assembly, self.loops, np.flatnonzero(moment.any(axis=0)).tolist())
+        driven = np.flatnonzero(moments(self.model, self.data).any(axis=0))
+        found = find_held(self.assembly, self.loops, driven.tolist())
         return tuple(one for one in found if not self._meant(one))
 
     def _meant(self, one: Held) -> bool:
