@@ -59,7 +59,7 @@ def _forces(laws: Laws, law: Law, answer: Answer, single: bool) -> list[str]:
 
 def _step(law: Law, row: dict[str, Any]) -> list[str]:
     apart_by = row["step_mujoco"]
-    if law.rigid or law != Law() or apart_by is None or apart_by <= STEP:
+    if law != Law() or apart_by is None or apart_by <= STEP:
         return []
     return [f"its step changes velocities by {short(apart_by)} of MuJoCo's more or less"]
 

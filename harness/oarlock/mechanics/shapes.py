@@ -1,5 +1,7 @@
 """What a model looks like: its geoms as shapes on bodies, and each mesh once."""
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 
@@ -82,14 +84,25 @@ def body_poses(
     """
     data = mujoco.MjData(model)
     found = np.zeros((len(qpos), model.nbody, 7))
+    for at in visited(model, data, qpos, times, driven):
+        found[at, :, :3], found[at, :, 3:] = data.xpos, data.xquat
+    return found
+
+
+def visited(
+    model: mujoco.MjModel, data: mujoco.MjData, qpos: np.ndarray, times: np.ndarray | None, driven: Drive | None
+) -> Iterator[int]:
+    """Goes through poses (n, nq); at each number that it gives, the places of all bodies are valid in a data.
+
+    Mocap bodies are where a drive has them at times (n), s.
+    """
     for at, pose in enumerate(qpos):
         data.qpos[:] = pose
         if driven is not None and times is not None:
             data.time = times[at]
             driven.move(data)
         mujoco.mj_kinematics(model, data)
-        found[at, :, :3], found[at, :, 3:] = data.xpos, data.xquat
-    return found
+        yield at
 
 
 def short(values: np.ndarray) -> tuple[float, ...]:

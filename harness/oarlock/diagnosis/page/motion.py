@@ -24,7 +24,7 @@ from oarlock.mechanics.controls import drive
 from oarlock.mechanics.drive import Drive
 from oarlock.mechanics.names import Equality, element_name
 from oarlock.mechanics.outline import distinct_joints, drawn_end, fixed_point, rails_of, stands
-from oarlock.mechanics.shapes import body_poses, shapes_of
+from oarlock.mechanics.shapes import body_poses, shapes_of, visited
 from oarlock.poses.assembly import anchors
 from oarlock.poses.layout import Layout
 from oarlock.render.charts import VIEW
@@ -146,12 +146,7 @@ class Skeleton:
         """The points (P, 3) of poses (T, nq): (T, P, 3), world, m; mocap bodies as a drive has them at times (T), s."""
         model, data = self.model, self._data
         found = np.zeros((len(qpos), self.size, 3))
-        for at, pose in enumerate(qpos):
-            data.qpos[:] = pose
-            if driven is not None and times is not None:
-                data.time = times[at]
-                driven.move(data)
-            mujoco.mj_kinematics(model, data)
+        for at in visited(model, data, qpos, times, driven):
             both = {index: anchors(model, data, one) for index, one in self._equalities.items()}
             for place, (kind, index, end) in enumerate(self._sources):
                 if kind == "anchor":
@@ -161,7 +156,7 @@ class Skeleton:
                 elif kind == "rail":
                     found[at, place] = data.xanchor[index]
                 elif kind == "slid":
-                    slid = pose[model.jnt_qposadr[index]] - model.qpos0[model.jnt_qposadr[index]]
+                    slid = data.qpos[model.jnt_qposadr[index]] - model.qpos0[model.jnt_qposadr[index]]
                     found[at, place] = data.xanchor[index] + slid * data.xaxis[index]
                 else:
                     found[at, place] = data.xpos[index] if kind == "body" else data.xipos[index]
