@@ -136,8 +136,22 @@ def test_what_it_does_wrong_is_one_line(solver, line):
     oarlock.register_solver("own", solver)
     with pytest.raises(InputError, match=line):
         oarlock.make_solver("own").solve(np.eye(2), np.ones(2))
-    with pytest.raises(InputError, match=line):
-        oarlock.run(XML, mode="free", form="hard", solver="own", duration=0.01)
+
+
+@pytest.mark.parametrize("path", ["native", "python"])
+@pytest.mark.parametrize("asked", [{"mode": "free"}, {"mode": "lockstep"}, {"mode": "lockstep", "walker": "own"}])
+@pytest.mark.parametrize("solver", [lambda A, b: b[:1], raises], ids=["shape", "raises"])
+def test_one_that_never_answers_costs_its_own_runs_alone(path, asked, solver, tmp_path):
+    oarlock.register_solver("own", solver)
+    given = {**asked, "form": "hard", "duration": 0.01, "stepping": path, "out": tmp_path / "results"}
+    results = oarlock.run(XML, solver=["own", "pinv"], **given)
+    rows = {row["solver"]: row for row in results.rows if row["mode"] == asked["mode"]}
+    assert (rows["own"]["status"], rows["own"]["steps_done"]) == ("diverged", 0)
+    assert rows["own"]["message"].startswith("step 0, t = 0 s: solver 'own': it ")
+    along = asked.get("walker") == "own"
+    assert (rows["pinv"]["status"], rows["pinv"]["steps_done"]) == (("diverged", 0) if along else ("done", 5))
+    page = results.report(tmp_path / "page")
+    assert "solver 'own': it " in (page / "index.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Turns tasks into finished runs: takes their walks on the native path or on the Python path."""
 
-import re
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -10,7 +9,7 @@ from pathlib import Path
 from threading import Event
 
 from oarlock.base.core import MultiplierSolver
-from oarlock.base.errors import InputError, RefusedError
+from oarlock.base.errors import InputError
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Baumgarte
 from oarlock.cases.conditions import OWN, Conditions
@@ -32,10 +31,6 @@ from oarlock.stepping.start import ConsistentStart
 from oarlock.tables.promise import ended
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
-
-_NAMED = re.compile(r"solver '([^']+)': ")
-"""What the message begins with of a solver that somebody brought along and that did not answer."""
-
 
 class _StoppedError(Exception):
     """The runs beside this one came to an end that is also its own."""
@@ -194,11 +189,9 @@ def _tables(path: SteppingPath, walk: Walk, projector: SolverSpec | None) -> lis
 
 def _failed(task: Task, ending: Ending | None) -> str | None:
     """Name of the solver that ended a walk which is not its own, and on which others answer."""
-    if ending is None or ending.step == 0 or isinstance(ending.error, RefusedError):
-        return None
-    named = _NAMED.match(ending.reason)
+    failed = None if ending is None else ending.solver
     names = {solver.name for solver in task.solvers}
-    return named[1] if named and named[1] in names - {task.walker.name} and len(names) > 1 else None
+    return failed if failed in names - {task.walker.name} and len(names) > 1 else None
 
 
 def _result(key: RunKey, steps: Spool, message: str) -> RunResult:
