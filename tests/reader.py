@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 import yaml
 from fences import Block, commands
 from oarlock.cases.case_file import CaseFile, read_case_file
@@ -32,8 +33,21 @@ READERS = {
     "my_linkage.xml": FIXTURES / "check" / "pin_collision.xml",
     "path/to/model.xml": REPOSITORY / "mjcf" / "four_bar" / "model.xml",
     "mine.xml": REPOSITORY / "mjcf" / "four_bar" / "model.xml",
+    "arm.xml": FIXTURES / "check" / "pin_collision.xml",
+    "arm.urdf": FIXTURES / "closing" / "four_bar.urdf",
+    "robots/one.xml": REPOSITORY / "mjcf" / "four_bar" / "model.xml",
+    "robots/other.xml": FIXTURES / "check" / "pin_collision.xml",
 }
 """Names that documents give to a file of the reader's → what stands in for it."""
+
+RENAMED = {"arm.urdf": {"closing_pin_1": "tip_a", "closing_pin_2": "tip_b"}}
+"""A file of the reader's → what documents call things in it."""
+
+OWN_SOLVER = """import numpy as np
+
+def my_solver(A, b):
+    return np.linalg.lstsq(A, b, rcond=1e-10)[0]
+"""
 
 STAND_INS = {
     # Whether the target is there, and not what it takes an hour to do: CI does that.
@@ -61,6 +75,13 @@ class Reader:
         for name, source in READERS.items():
             (self._home / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(source, self._home / name)
+        for name, words in RENAMED.items():
+            text = (self._home / name).read_text(encoding="utf-8")
+            for known, called in words.items():
+                text = text.replace(known, called)
+            (self._home / name).write_text(text, encoding="utf-8")
+        (self._home / "my_module.py").write_text(OWN_SOLVER, encoding="utf-8")
+        _write_log(self._home / "arm.xml", self._home / "run.npz")
         programs = folder / "programs"
         programs.mkdir()
         for name, script in {**STAND_INS, "oarlock": _oarlock(), "python": f'exec "{sys.executable}" "$@"'}.items():
@@ -152,6 +173,18 @@ class Reader:
         path = self._home / block.note.removeprefix("append to ")
         path.write_text(path.read_text(encoding="utf-8") + "\n" + block.text, encoding="utf-8")
         read_case_file(path)
+
+
+def _write_log(model: Path, log: Path) -> None:
+    """What a program notes that steps the model for a fifth of a second."""
+    loaded = mujoco.MjModel.from_xml_path(str(model))
+    data = mujoco.MjData(loaded)
+    rows: dict[str, list[Any]] = {name: [] for name in ("time", "qpos", "qvel", "ctrl")}
+    for _ in range(100):
+        for name, values in rows.items():
+            values.append(np.copy(getattr(data, name)))
+        mujoco.mj_step(loaded, data)
+    np.savez(log, **rows)  # type: ignore[arg-type]
 
 
 def _quote(block: Block) -> None:
