@@ -337,6 +337,7 @@ class Stepper:
         cls,
         model: Any,
         *,
+        given: Any,
         solver: MultiplierSolver,
         projector: MultiplierSolver | None,
         beta: float,
@@ -346,6 +347,8 @@ class Stepper:
         require: Callable[[Any], None],
     ) -> Self:
         """Of an MjModel: who solves, who projects at the end of a step, and Baumgarte's terms (1/s, 1/s²).
+
+        It is a copy of ``given``, whose options are to stay what they are.
 
         A step writes sensors and energies as well where it is asked to. ``require`` is called with an MjData to make
         sure that it is one of this model.
@@ -510,6 +513,10 @@ def make_solver(name: str, **options: float | int | bool) -> MultiplierSolver:
     Raises:
         InputError: unknown name or option, or a value out of range or of another kind.
     """
+
+def python_solvers() -> list[str]:
+    """Names of the solvers that were registered, which are called in Python."""
+    ...
 
 def register_solver(name: str, solver: Callable[..., Any], summary: str = ...) -> None:
     """Registers a solver of one's own under a name, for this process; another one by the same name takes its place.

@@ -216,6 +216,29 @@ def test_the_data_of_another_model_of_the_same_size_is_refused():
         stepper.step(mujoco.MjData(one))
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda model: setattr(model.opt, "timestep", 1e-3),
+        lambda model: setattr(model.opt, "integrator", int(mujoco.mjtIntegrator.mjINT_RK4)),
+        lambda model: model.opt.gravity.fill(0.0),
+        lambda model: setattr(model.opt, "viscosity", 0.1),
+    ],
+    ids=["timestep", "integrator", "gravity", "viscosity"],
+)
+def test_options_that_change_later_are_refused(change):
+    model = mujoco.MjModel.from_xml_string(four_bar())
+    stepper, data = oarlock.Stepper(model), mujoco.MjData(model)
+    stepper.step(data)
+    change(model)
+    before = data.time, data.qpos.tolist()
+    for call in (stepper.step, lambda data: stepper.rollout([data], steps=1)):
+        with pytest.raises(InputError, match=r"the model's options .* changed after the stepper was made"):
+            call(data)
+    assert (data.time, data.qpos.tolist()) == before
+    oarlock.Stepper(model).step(data)
+
+
 def test_a_state_without_numbers_is_refused_and_the_stepper_goes_on():
     model = mujoco.MjModel.from_xml_string(four_bar())
     stepper, data, good = oarlock.Stepper(model), mujoco.MjData(model), mujoco.MjData(model)
@@ -233,12 +256,21 @@ def test_an_open_start_is_refused_and_a_closed_one_goes_on():
     model = mujoco.MjModel.from_xml_string(four_bar())
     data, stepper = mujoco.MjData(model), oarlock.Stepper(model)
     data.qvel[0] = 2.0
-    with pytest.raises(InputError, match=r"the loops stand open by .* close the start first \(stepper.close"):
+    with pytest.raises(
+        InputError, match=r"the velocities at t = 0.0* s take the loops apart by .* m/s or rad/s: close the start first"
+    ):
         stepper.step(data)
     other, rolled = mujoco.MjData(model), oarlock.Stepper(model)
     other.qvel[0] = 2.0
-    with pytest.raises(InputError, match=r"data\[0\]: the loops stand open by"):
+    with pytest.raises(InputError, match=r"data\[0\]: the velocities at t = 0"):
         rolled.rollout([other], steps=100)
+    bent = mujoco.MjData(model)
+    bent.qpos[0] += 0.3
+    with pytest.raises(InputError, match=r"the loops stand open by .* close the start first \(stepper.close"):
+        oarlock.Stepper(model).step(bent)
+    # The data are where they were.
+    assert (data.time, data.qvel.tolist(), data.qpos.tolist()) == (0.0, [2.0, 0.0, 0.0], model.qpos0.tolist())
+    assert (other.time, bent.time) == (0.0, 0.0)
     stepper.close(data)
     stepper.reset()
     for _ in range(100):

@@ -70,7 +70,8 @@ class Stepper:
             stepper.step(data)
 
     Args:
-        model: copied as it is: later changes to it are not seen.
+        model: copied as it is. Steps are refused once its options (timestep, gravity, integrator, …) are others; later
+            changes of its arrays, of masses say, are not seen: make a new stepper.
         stabilisation: ``projection`` onto the constraints after every step; ``baumgarte``: terms in the accelerations;
             ``both``; ``none``.
         solver: name of a solver, with options as of ``oarlock run``.
@@ -109,6 +110,7 @@ class Stepper:
         self._require = MadeOf(model, own).require
         self._core = core.Stepper(
             own,
+            given=model,
             solver=SolverSpec.parse(solver).make(),
             projector=TRACKED.make() if stabilisation in ("projection", "both") else None,
             beta=(DAMPING if beta is None else float(beta)) if damped else 0.0,
@@ -122,8 +124,9 @@ class Stepper:
         """Takes one step, in place of ``mujoco.mj_step(model, data)``.
 
         Raises:
-            InputError: the data is of another model, the state is not finite, no equality is active, or the loops stand
-                open further than a step explains: a start is to be closed first.
+            InputError: the data is of another model, the model's options changed, the state is not finite, no equality
+                is active, or the loops stand open, or are taken apart by the velocities, further than a step explains:
+                a start is to be closed first. The state of the data is then what it was.
         """
         self._core.step(data)
 

@@ -140,6 +140,13 @@ void oarlock_leave_unsolved(mjModel* model, double timestep) {
   *mjModel_disableflags(model) |= mjDSBL_ISLAND;
 }
 
+// From timestep up to integrator an mjOption has numbers, which are asked of every step; what comes after is for walks to set.
+int oarlock_same_options(const mjModel* one, const mjModel* other) {
+  const char* first = (const char*)mjModel_timestep(one);
+  size_t length = (size_t)((const char*)mjModel_integrator(one) - first);
+  return !memcmp(first, mjModel_timestep(other), length) && *mjModel_integrator(one) == *mjModel_integrator(other);
+}
+
 void oarlock_delete_model(mjModel* model) { api.mj_deleteModel(model); }
 
 int oarlock_make_data(const mjModel* model, mjData** data, char* message) {

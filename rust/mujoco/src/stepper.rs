@@ -58,6 +58,54 @@ struct Lane {
     /// m or rad.
     drift: f64,
     noted: Noted,
+    start: Start,
+}
+
+/// The state that a step begins at, to which a data goes back where the step cannot be taken.
+#[derive(Debug, Default)]
+struct Start {
+    time: f64,
+    qpos: Vec<f64>,
+    qvel: Vec<f64>,
+    act: Vec<f64>,
+    /// What rows leave open, m or rad, and how fast that changes, 1/s of it.
+    open: f64,
+    rate: f64,
+}
+
+impl Start {
+    fn take(&mut self, data: &Data) {
+        self.time = data.time();
+        for (kept, given) in
+            [(&mut self.qpos, data.qpos()), (&mut self.qvel, data.qvel()), (&mut self.act, data.act())]
+        {
+            kept.clear();
+            kept.extend_from_slice(given);
+        }
+    }
+
+    fn give_back(&self, data: &mut Data) {
+        data.set_time(self.time);
+        data.qpos_mut().copy_from_slice(&self.qpos);
+        data.qvel_mut().copy_from_slice(&self.qvel);
+        data.act_mut().copy_from_slice(&self.act);
+    }
+
+    /// Why a step that ends with rows open by `drift` (m or rad) is none.
+    fn refusal(&self, drift: f64, step: f64) -> Error {
+        let close = "close the start first (stepper.close(data))";
+        let time = self.time;
+        Error::Refused(if self.rate * step > self.open {
+            let rate = self.rate;
+            format!(
+                "the velocities at t = {time:.6} s take the loops apart by {rate:.3e} m/s or rad/s: {close}"
+            )
+        } else {
+            format!(
+                "the loops stand open by {drift:.3e} m or rad at t = {time:.6} s, more than a step explains: {close}"
+            )
+        })
+    }
 }
 
 impl Stepper {
@@ -97,7 +145,8 @@ impl Stepper {
             let projector =
                 self.projector.as_deref().map(|solver| Projector::new(&self.model, fresh(solver)));
             let walker = ForcedWalker::new(Data::new(&self.model)?, Drive::default(), force, projector)?;
-            self.lanes.push(Lane { walker, begun: false, drift: 0.0, noted: self.noted });
+            let start = Start::default();
+            self.lanes.push(Lane { walker, begun: false, drift: 0.0, noted: self.noted, start });
         }
         Ok(())
     }
@@ -166,7 +215,8 @@ impl Lane {
                 // Whoever owns the data may have put it elsewhere.
                 self.walker.data.moved();
             }
-            self.step()
+            self.start.take(&self.walker.data);
+            self.step().inspect_err(|_| self.start.give_back(&mut self.walker.data))
         });
         self.walker.data = own;
         outcome
@@ -195,6 +245,7 @@ impl Lane {
         }
         walker.look()?;
         self.drift = largest(walker.data.pos());
+        (self.start.open, self.start.rate) = (self.drift, largest(walker.data.vel()));
         // As mj_step leaves them: those of the start of the step.
         if self.noted.sensors {
             walker.data.sensors()?;
@@ -212,12 +263,7 @@ impl Lane {
         if let Some(projector) = &walker.projector {
             self.drift = largest(walker.data.pos());
             if projector.last.is_some_and(|last| last.landing == Landing::TooFar) {
-                return Err(Error::Refused(format!(
-                    "the loops stand open by {:.3e} at t = {:.6} s, more than a step explains: close the start first \
-                     (stepper.close(data))",
-                    self.drift,
-                    walker.data.time()
-                )));
+                return Err(self.start.refusal(self.drift, walker.data.model().timestep()));
             }
         }
         if is_sane(&walker.data) {

@@ -21,6 +21,8 @@ pub struct Stepper {
     /// a stage of a small model.
     known: Mutex<Option<(Py<PyAny>, usize)>>,
     require: Py<PyAny>,
+    /// The model that was given, kept for its address.
+    given: (Py<PyAny>, usize),
 }
 
 type States<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>);
@@ -28,14 +30,15 @@ type States<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>);
 #[pymethods]
 #[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
 impl Stepper {
-    /// Of an `MjModel`: who solves, who projects at the end of a step, Baumgarte's terms (1/s, 1/s²), and what is called with
+    /// Of an `MjModel`: the one `given` that it is a copy of, whose options are to stay what they are, who solves, who projects at the end of a step, Baumgarte's terms (1/s, 1/s²), and what is called with
     /// an `MjData` to make sure that it is one of this model.
     #[new]
-    #[pyo3(signature = (model, *, solver, projector, beta, k, sensors, energy, require))]
+    #[pyo3(signature = (model, *, given, solver, projector, beta, k, sensors, energy, require))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyAny>,
+        given: &Bound<'_, PyAny>,
         solver: PyRef<'_, MultiplierSolver>,
         projector: Option<PyRef<'_, MultiplierSolver>>,
         beta: f64,
@@ -44,6 +47,7 @@ impl Stepper {
         energy: bool,
         require: Py<PyAny>,
     ) -> PyResult<Self> {
+        let given = (given.clone().unbind(), given.getattr("_address")?.extract()?);
         let projector = projector.map(|solver| solver.fresh()).transpose()?;
         let made = native::stepper::Stepper::new(
             &*copied(py, model)?,
@@ -52,13 +56,14 @@ impl Stepper {
             projector,
             native::stepper::Noted { sensors, energy },
         );
-        made.map(|inner| Self { inner: Mutex::new(inner), known: Mutex::default(), require })
+        made.map(|inner| Self { inner: Mutex::new(inner), known: Mutex::default(), require, given })
             .map_err(|error| raised(py, &error))
     }
 
     /// Takes a step with an `MjData`.
     fn step(&self, py: Python<'_>, data: &Bound<'_, PyAny>) -> PyResult<()> {
         let stepper = &mut *self.take()?;
+        self.unchanged(stepper.model())?;
         let known = &mut *self.known.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let address = match known {
             Some((object, address)) if object.is(data) => *address,
@@ -85,6 +90,7 @@ impl Stepper {
     ) -> PyResult<States<'py>> {
         let stepper = &mut *self.take()?;
         let model = Arc::clone(stepper.model());
+        self.unchanged(&model)?;
         let data =
             addresses.iter().map(|&address| borrowed(&model, address)).collect::<PyResult<Vec<_>>>()?;
         let (nq, nv, nu, count) = (model.nq(), model.nv(), model.nu(), addresses.len());
@@ -167,6 +173,20 @@ impl Stepper {
 impl Stepper {
     fn take(&self) -> PyResult<MutexGuard<'_, native::stepper::Stepper>> {
         alone(|| "the stepper".to_owned(), &self.inner)
+    }
+
+    /// Refuses where the options of the model that was given are no longer those of the copy that takes the steps.
+    fn unchanged(&self, own: &native::library::Model) -> PyResult<()> {
+        // SAFETY: the address is that of a model which is kept, and the interpreter lock keeps other Python code from writing.
+        #[allow(unsafe_code)]
+        let same = unsafe { own.has_options_of(self.given.1) };
+        if same {
+            return Ok(());
+        }
+        Err(InputError::new_err(
+            "the model's options (timestep, gravity, integrator, …) changed after the stepper was made of it, expected a \
+             new Stepper",
+        ))
     }
 }
 

@@ -5,7 +5,7 @@ use std::ptr::{self, NonNull};
 
 use super::ffi::{
     ModelView, oarlock_copy_model, oarlock_delete_model, oarlock_differentiate, oarlock_integrate,
-    oarlock_leave_unsolved, oarlock_name, oarlock_view_model,
+    oarlock_leave_unsolved, oarlock_name, oarlock_same_options, oarlock_view_model,
 };
 use super::{OPENED, array, arrays, size, trapped};
 use crate::error::Error;
@@ -159,6 +159,17 @@ impl Model {
             oarlock_view_model(copy.raw.as_ptr(), &raw mut copy.view);
         }
         Ok(copy)
+    }
+
+    /// Whether the numbers among the options of the model at an address (timestep, gravity, viscosity, …) and its integrator are
+    /// those of this one.
+    ///
+    /// # Safety
+    /// As of [`copy_of`](Self::copy_of).
+    #[must_use]
+    pub unsafe fn has_options_of(&self, address: usize) -> bool {
+        // SAFETY: the caller's, and nothing is written.
+        unsafe { oarlock_same_options(self.raw.as_ptr(), address as *const c_void) != 0 }
     }
 
     /// Name of an element, or its number in `#` form where it has none.
