@@ -59,6 +59,14 @@ def test_what_stays_open_is_said_with_status_1(oarlock_here):
     assert not Path("c.xml").exists()
 
 
+def test_a_weld_that_cannot_be_closed_names_what_can(oarlock_here):
+    asked = ("close", str(URDF), "--pair", "closing_pin_1", "closing_pin_2", "-o", "c.xml")
+    said = oarlock_here(*asked, "--as", "weld")
+    assert said.returncode == 1
+    assert "; a weld holds the orientation too, expected --as hinge or --as connect" in said.stderr
+    assert oarlock_here(*asked, "--as", "hinge").returncode == 0
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [

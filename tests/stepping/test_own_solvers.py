@@ -64,9 +64,12 @@ def test_a_wrong_answer_is_not_taken_at_its_word():
     oarlock.register_solver("twice", lambda A, b: 2.0 * least_squares(A, b))
     _, info = oarlock.make_solver("twice").solve(np.diag([1.0, 2.0]), np.array([1.0, 4.0]))
     assert info.status == "inaccurate"
-    oarlock.register_solver("nan", lambda A, b: b * np.nan)
-    x, info = oarlock.make_solver("nan").solve(np.eye(2), np.ones(2))
-    assert (info.status, x.tolist()) == ("breakdown", [0.0, 0.0])
+    for value in (np.nan, np.inf):
+        oarlock.register_solver("unbounded", lambda A, b, value=value: np.array([b[0], value]))
+        with pytest.raises(
+            InputError, match=rf"(?i)solver 'unbounded': it gives x\[1\] = {value}, expected finite numbers"
+        ):
+            oarlock.make_solver("unbounded").solve(np.eye(2), np.ones(2))
 
 
 def giving_up(after):
@@ -140,7 +143,9 @@ def test_what_it_does_wrong_is_one_line(solver, line):
 
 @pytest.mark.parametrize("path", ["native", "python"])
 @pytest.mark.parametrize("asked", [{"mode": "free"}, {"mode": "lockstep"}, {"mode": "lockstep", "walker": "own"}])
-@pytest.mark.parametrize("solver", [lambda A, b: b[:1], raises], ids=["shape", "raises"])
+@pytest.mark.parametrize(
+    "solver", [lambda A, b: b[:1], lambda A, b: b * np.nan, raises], ids=["shape", "nan", "raises"]
+)
 def test_one_that_never_answers_costs_its_own_runs_alone(path, asked, solver, tmp_path):
     oarlock.register_solver("own", solver)
     given = {**asked, "form": "hard", "duration": 0.01, "stepping": path, "out": tmp_path / "results"}
@@ -152,6 +157,7 @@ def test_one_that_never_answers_costs_its_own_runs_alone(path, asked, solver, tm
     assert (rows["pinv"]["status"], rows["pinv"]["steps_done"]) == (("diverged", 0) if along else ("done", 5))
     page = results.report(tmp_path / "page")
     assert "solver 'own': it " in (page / "index.html").read_text(encoding="utf-8")
+    assert "**Called in Python:** own. Every solve is a call" in (page / "README.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,7 @@ from oarlock._core import (
     mujoco_layout,
     mujoco_versions,
     open_mujoco,
+    python_solvers,
     register_solver,
     solvers,
 )
@@ -54,6 +55,7 @@ __all__ = [
     "mujoco_layout",
     "mujoco_versions",
     "open_mujoco",
+    "python_solvers",
     "register_solver",
     "solvers",
 ]

@@ -113,4 +113,7 @@ def _point(text: str) -> list[float]:
 
 def _open(closing: "Closing") -> str:
     worst = max(closing.pose.left, key=lambda one: one.largest)
-    return f"no pose closes the loops: {worst.equality} stays open by {closing.gap:.3g} m or rad at best"
+    said = f"no pose closes the loops: {worst.equality} stays open by {closing.gap:.3g} m or rad at best"
+    if any(one.name == worst.equality and one.kind == "weld" for one in closing.joinings):
+        said += "; a weld holds the orientation too, expected --as hinge or --as connect where the joint turns"
+    return said

@@ -117,6 +117,8 @@ def run(
         say("oarlock: nothing moves: give it a start with a velocity (--keyframe), or controls (--controls, --control)")
     if "inequalities_ignored" in results.provenance:
         say(f"oarlock: inequalities ignored: {results.provenance['inequalities_ignored']}")
+    if "python_solvers" in results.provenance:
+        say(f"oarlock: called in Python, which is slow: {results.provenance['python_solvers']}")
     lost = results.lost
     for row in results.rows:
         if row["status"] != "done":

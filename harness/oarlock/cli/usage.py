@@ -9,6 +9,9 @@ from oarlock.base.text import visible
 LONGEST = 500
 """Characters of what is said of them."""
 
+_ALIKE = 0.7
+"""Likeness from which on an option may be a misspelling of another: that of two letters of a short one is none."""
+
 _KINDS = {"int": "a whole number", "integer": "a whole number", "float": "a number", "number": "a number"}
 _BOUNDS = {"greater_than_equal": ("ge", "≥"), "greater_than": ("gt", ">"), "less_than_equal": ("le", "≤")}
 
@@ -33,7 +36,7 @@ def _said(error: Any, context: Any) -> str:
     if kind == "NoSuchOption":
         option = error.option_name
         known = [name for one in context.command.params for name in (*one.opts, *one.secondary_opts)]
-        alike = get_close_matches(option, [name for name in known if name.startswith("-")], n=3)
+        alike = get_close_matches(option, [name for name in known if name.startswith("-")], n=3, cutoff=_ALIKE)
         return f"unknown option '{option}', expected {_one_of(alike) or f'one of {context.command_path} --help'}"
     if kind == "BadOptionUsage":
         option = next((one for one in context.command.params if error.option_name in one.opts), None)

@@ -32,6 +32,7 @@ from oarlock.tables.promise import ended
 from oarlock.tables.schema import SCHEMA, RunKey, RunResult
 from oarlock.tables.spool import Spool, spools
 
+
 class _StoppedError(Exception):
     """The runs beside this one came to an end that is also its own."""
 

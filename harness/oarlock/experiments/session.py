@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from oarlock.base import core
 from oarlock.base.arguments import complete, takes
 from oarlock.base.cores import cores, one_thread
 from oarlock.base.errors import InputError
@@ -122,7 +123,9 @@ def _carried_out(
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
     told = {} if setup.told is None else {"motion": setup.told}
     refused = {"native_stepping": refusal()} if refusal() and options.stepping != "python" else {}
-    provenance = {**inputs(case), **refused, **ignored, **told, **occasion()}
+    slow = [name for name in core.python_solvers() if any(name == one.name for task in tasks for one in task.solvers)]
+    called = {"python_solvers": ", ".join(slow)} if slow else {}
+    provenance = {**inputs(case), **refused, **ignored, **called, **told, **occasion()}
     results = Results(case, provenance=provenance, model=describe(setup), truth=setup.truth, folder=folder)
     results.motion = setup.told or str(setup.begins)
     results.verdicts += expectations(case, results.model)

@@ -27,6 +27,9 @@ MULTIPLE = 1e-3
 
 _CTRL = "ctrl"
 
+_FEWEST = 2
+"""Rows of a log."""
+
 
 class StateLog:
     """A log of states at the timestep of a model.
@@ -53,6 +56,10 @@ class StateLog:
         self.path = path
         columns = read_series(path, tables=True)
         self._time = pop_time(path, columns, "qpos and qvel")
+        if len(self._time) < _FEWEST:
+            raise InputError(
+                f"{path}: {len(self._time)} row, expected {_FEWEST} at least: a state alone shows no motion"
+            )
         self.start_s = float(self._time[0])
         sizes = {"qpos": model.nq, "qvel": model.nv, "act": model.na, _CTRL: model.nu}
         found = _tables(path, columns, sizes)

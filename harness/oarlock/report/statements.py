@@ -99,6 +99,11 @@ def _motion(tables: Tables, _: Compared) -> Iterator[str]:
 def _ignored(tables: Tables, _: Compared) -> Iterator[str]:
     if "inequalities_ignored" in tables.provenance:
         yield f"**Inequalities ignored:** {cell(tables.provenance['inequalities_ignored'])}."
+    if "python_solvers" in tables.provenance:
+        yield (
+            f"**Called in Python:** {cell(tables.provenance['python_solvers'])}. Every solve is a call of Python, which "
+            "is slow: its time says nothing of the method."
+        )
 
 
 def _ranks(tables: Tables, _: Compared) -> Iterator[str]:

@@ -24,7 +24,7 @@ mod _core {
     #[pymodule_export]
     use super::inequalities::{Certificate, Inequalities, InequalityReport};
     #[pymodule_export]
-    use super::own_solver::register_solver;
+    use super::own_solver::{python_solvers, register_solver};
     #[pymodule_export]
     use super::solver::{Info, MultiplierSolver, make_solver, solvers};
     #[pymodule_export]

@@ -98,9 +98,8 @@ impl MultiplierSolver for OwnSolver {
         let iterations = Python::attach(|py| self.ask(py, &matrix, rhs, x))?;
         let n = rhs.len();
         let norm = rhs.iter().map(|value| value * value).sum::<f64>().sqrt();
-        let finite = x.iter().all(|value| value.is_finite());
-        if !finite {
-            x.fill(0.0);
+        if let Some(index) = x.iter().position(|value| !value.is_finite()) {
+            return Err(self.refused(format!("it gives x[{index}] = {}, expected finite numbers", x[index])));
         }
         let left = (0..n)
             .map(|row| {
@@ -109,10 +108,9 @@ impl MultiplierSolver for OwnSolver {
             })
             .sum::<f64>()
             .sqrt();
-        let status = if finite { core::Status::Converged } else { core::Status::Breakdown };
         let residual_rel = if norm > 0.0 { left / norm } else { left };
         Ok(Info {
-            status,
+            status: core::Status::Converged,
             iterations,
             residual_rel,
             inconsistency: None,
@@ -191,6 +189,12 @@ pub fn make_own(py: Python<'_>, name: &str) -> Option<PyResult<Box<dyn Multiplie
     let made = OwnSolver::new(py, name, &given)
         .map_err(|error| InputError::new_err(format!("solver '{name}' cannot be made: {}", error.value(py))));
     Some(made.map(|solver| Box::new(solver) as Box<dyn MultiplierSolver>))
+}
+
+/// Names of the solvers that are called in Python.
+#[pyfunction]
+pub fn python_solvers() -> Vec<&'static str> {
+    own_solvers().into_iter().map(|(name, _)| name).collect()
 }
 
 /// Names and lines of all that were registered.

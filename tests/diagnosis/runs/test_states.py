@@ -60,6 +60,7 @@ def test_forces_that_the_log_does_not_have_leave_the_causes_open(tmp_path):
             lambda rows: {name: values[::2] for name, values in rows.items()},
             "rows 1 and 2 are 0.00. s apart, expected a",
         ),
+        (lambda rows: {name: values[:1] for name, values in rows.items()}, "1 row, expected 2 at least: a state alone"),
         (lambda rows: {**rows, "qvel": rows["qvel"] * np.nan}, "column 'qvel', row 1: nan, expected a finite number"),
         (lambda rows: {**rows, "ctrl": rows["ctrl"][1:]}, "column 'ctrl' has 119 values, expected 120, as 'time'"),
     ],

@@ -23,6 +23,9 @@ CATALOGUE = Path(__file__).with_name("findings.toml")
 WIDTH = 100
 """Columns of prose at most: longer lines are hard to read."""
 
+_LONGEST_CODE = 3
+"""Letters and digits; what is longer is meant to be a name."""
+
 FORMULA = "    "
 """Lines of an entry that begin with it are formulas and stay as they are."""
 
@@ -87,16 +90,16 @@ def look_up(text: str) -> Entry:
     """The entry of a code or name, in capitals or not.
 
     Raises:
-        InputError: there is none; the message lists those that are spelt alike, or all.
+        InputError: there is none; the message lists names that are spelt alike, or all codes.
     """
     named = {entry.name: entry for entry in catalogue().values()}
     known = {**catalogue(), **named}
     for spelt in (text, text.upper(), text.lower()):
         if spelt in known:
             return known[spelt]
-    alike = difflib.get_close_matches(text.lower(), [key.lower() for key in known], n=4)
-    close = [key for key in known if key.lower() in alike]
-    return known[choose("finding", one_line(text), close or list(catalogue()))]
+    alike = difflib.get_close_matches(text.lower(), named, n=4) if len(text) > _LONGEST_CODE else []
+    codes = sorted(catalogue(), key=lambda code: (code[0], int(code[1:])))
+    return known[choose("finding", one_line(text), alike or codes)]
 
 
 @dataclass(frozen=True)

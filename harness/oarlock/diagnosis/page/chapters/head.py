@@ -20,7 +20,7 @@ def head(exam: Examination) -> str:
     )
     if not exam.options.lint:
         text += (
-            f" The run: {exam.duration_s:g} s in {exam.steps} steps of {exam.timestep_s:g} s, integrator "
+            f" The run: {exam.duration_s:g} s in {counted(exam.steps, 'step')} of {exam.timestep_s:g} s, integrator "
             f"{integrator_of(model)}, from {exam.begins}; {exam.driven}."
         )
     if flexes := flex_names(model):
