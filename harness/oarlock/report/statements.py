@@ -101,8 +101,8 @@ def _ignored(tables: Tables, _: Compared) -> Iterator[str]:
         yield f"**Inequalities ignored:** {cell(tables.provenance['inequalities_ignored'])}."
     if "python_solvers" in tables.provenance:
         yield (
-            f"**Called in Python:** {cell(tables.provenance['python_solvers'])}. Every solve is a call of Python, which "
-            "is slow: its time says nothing of the method."
+            f"**Called in Python:** {cell(tables.provenance['python_solvers'])}. Every solve is a call of Python, "
+            "which is slow: its time says nothing of the method."
         )
 
 
