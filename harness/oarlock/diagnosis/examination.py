@@ -1,50 +1,51 @@
 """An examination: one model looked at from its loops to what would hold them, each part as soon as it is there."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError, few
+from oarlock.diagnosis import symptoms
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.lint import collision, servo
-from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.lint.lints import look
 from oarlock.diagnosis.lint.view import Remark, View
-from oarlock.diagnosis.loops.events import RankHistory, rank_events
+from oarlock.diagnosis.loops.events import rank_events
 from oarlock.diagnosis.loops.extent import extent
-from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
-from oarlock.diagnosis.loops.stops import Stops, find_stops
-from oarlock.diagnosis.loops.uniqueness import Uniqueness, find_uniqueness
-from oarlock.diagnosis.loops.wrenches import Wrench, wrenches
-from oarlock.diagnosis.options import CheckOptions, usual_target
+from oarlock.diagnosis.loops.poses import nearest_closed
+from oarlock.diagnosis.loops.stops import find_stops
+from oarlock.diagnosis.loops.uniqueness import find_uniqueness
+from oarlock.diagnosis.loops.wrenches import wrenches
+from oarlock.diagnosis.runs.behind import find_blower
 from oarlock.diagnosis.runs.borne import GAINS, largest_borne
-from oarlock.diagnosis.runs.branch import Branch, find_branch
-from oarlock.diagnosis.runs.deadpoint import TORN, DeadPoint, find_dead_point
-from oarlock.diagnosis.runs.drifts import VISIBLE, Drift, find_drifts
-from oarlock.diagnosis.runs.exact import ExactRun, record_exact
-from oarlock.diagnosis.runs.fights import Fight, find_fight
-from oarlock.diagnosis.runs.lag import Lag, find_lags
-from oarlock.diagnosis.runs.lasting import Lasting, find_lasting
-from oarlock.diagnosis.runs.overdriven import Overdriven, find_overdriven
-from oarlock.diagnosis.runs.pace import Pace, find_pace
-from oarlock.diagnosis.runs.parted import Parted, find_parted
-from oarlock.diagnosis.runs.recipe import Recipe, recipe
-from oarlock.diagnosis.runs.recording import Recording, record
-from oarlock.diagnosis.runs.rotors import Rotors, find_rotors
-from oarlock.diagnosis.runs.row_law import Accelerations, Attribution, attribute
+from oarlock.diagnosis.runs.branch import find_branch
+from oarlock.diagnosis.runs.deadpoint import TORN, find_dead_point
+from oarlock.diagnosis.runs.drifts import VISIBLE, find_drifts
+from oarlock.diagnosis.runs.exact import record_exact
+from oarlock.diagnosis.runs.fights import find_fight
+from oarlock.diagnosis.runs.lag import find_lags
+from oarlock.diagnosis.runs.lasting import find_lasting
+from oarlock.diagnosis.runs.overdriven import find_overdriven
+from oarlock.diagnosis.runs.pace import find_pace
+from oarlock.diagnosis.runs.parted import find_parted
+from oarlock.diagnosis.runs.recipe import recipe
+from oarlock.diagnosis.runs.recording import record
+from oarlock.diagnosis.runs.rotors import find_rotors
+from oarlock.diagnosis.runs.row_law import Attribution, attribute
 from oarlock.diagnosis.runs.separation import drifts_without
-from oarlock.diagnosis.runs.stability import EqualityStability, stability
-from oarlock.diagnosis.runs.stopped import Stopped, find_stopped
-from oarlock.diagnosis.runs.stuck import Stuck, find_stuck
-from oarlock.diagnosis.runs.trials import Made, Start
-from oarlock.diagnosis.runs.without import Without, find_fed, find_finer, find_without, starving
+from oarlock.diagnosis.runs.slips import find_slips
+from oarlock.diagnosis.runs.stability import stability
+from oarlock.diagnosis.runs.stopped import find_stopped
+from oarlock.diagnosis.runs.stuck import find_stuck
+from oarlock.diagnosis.runs.trials import Start
+from oarlock.diagnosis.runs.undriven import find_undriven
+from oarlock.diagnosis.runs.without import find_fed, find_finer, find_without, starving
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities, flex_names, joined, without_flexes
 from oarlock.mechanics.load import takes_degrees
-from oarlock.mechanics.state_log import StateLog
 from oarlock.stepping.closing import CONSISTENT
 from oarlock.stepping.start import carried
 
@@ -64,126 +65,12 @@ PARTS = ("loops", "start", "run", "causes", "remedy", "forces")
 """What is looked at, in this order."""
 
 
-@dataclass
-class Examination:
-    """All that was found out; a part that is not there yet, or cannot be, is None, and ``missing`` says why.
-
-    Attributes:
-        file: as it was given; path: of the MJCF.
-        model: the user's, with nothing changed.
-        qpos, qvel, act: the user's start, (nq), (nv) and (na).
-        begins: where that start comes from, in words.
-        laws: actuator → control as a law of time; driven: the same in words.
-        own_s: how long the case's own run takes, s; None of a file.
-        steps: of the run.
-        ignored: contacts, limits and friction that were left out, in words; empty if none were.
-        remarks: lint → what can be seen without a run.
-        collisions: bodies that an equality joins and that collide, with what they cost in the run.
-        pose: the nearest closed start, with the loops there (``pose.loops``).
-        settings: spring, damper and stability of every equality.
-        recording: MuJoCo's own run; exact: the exact solution from the closed start.
-        drifts: of every equality at three levels.
-        attribution: the drift by cause; accelerations: what MuJoCo's differ by from the exact ones at the same states.
-        history: the rank along the exact motion, or along MuJoCo's where there is none.
-        recipe: what would hold it.
-        reactions: which are unique.
-        size: of the loops at the closed start, m.
-        without: what is left of the drift where time stepping, or a solver that stops early, is taken away.
-        rotors: an armature that soft couplings lack.
-        pace: the joint that turns furthest within a step.
-        dead_point: a joint that MuJoCo takes beyond what the loops admit.
-        branch: another branch that MuJoCo's run ends on.
-        lasting: what stays open for good behind an open start.
-        lags: couplings that lag because their joints rub.
-        stops: the limits that lock it at the closed start.
-        stopped: limits that open an equality of their loop in MuJoCo's run.
-        parted: equalities that are switched off, whose sides part in the run.
-        overdriven: servos that pull a loop apart which has not so much freedom.
-        stuck: servos that something holds short of where they are told to be.
-        fight: limits and contacts that push against loops alone in the exact run.
-        given, determined: wrenches of MuJoCo's run and of the exact one.
-        states: the log of states that takes the place of MuJoCo's own run.
-        missing: part → why it is not there.
-        made: trials, for those that look for more.
-    """
-
-    file: str
-    path: Path
-    model: mujoco.MjModel
-    qpos: np.ndarray
-    qvel: np.ndarray
-    begins: str
-    laws: dict[str, str]
-    driven: str
-    own_s: float | None
-    options: CheckOptions
-    act: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    steps: int = 0
-    ignored: str = ""
-    remarks: dict[str, list[Remark]] = field(default_factory=dict)
-    collisions: tuple[Collision, ...] = ()
-    pose: ClosedPose | None = None
-    settings: list[EqualityStability] = field(default_factory=list)
-    recording: Recording | None = None
-    exact: ExactRun | None = None
-    drifts: list[Drift] = field(default_factory=list)
-    attribution: Attribution | None = None
-    accelerations: Accelerations | None = None
-    history: RankHistory | None = None
-    recipe: Recipe | None = None
-    reactions: Uniqueness | None = None
-    size: float = 1.0
-    without: list[Without] = field(default_factory=list)
-    rotors: Rotors | None = None
-    pace: Pace | None = None
-    dead_point: DeadPoint | None = None
-    branch: Branch | None = None
-    lasting: list[Lasting] = field(default_factory=list)
-    lags: tuple[Lag, ...] = ()
-    stops: Stops | None = None
-    stopped: tuple[Stopped, ...] = ()
-    overdriven: tuple[Overdriven, ...] = ()
-    stuck: tuple[Stuck, ...] = ()
-    parted: tuple[Parted, ...] = ()
-    fight: Fight | None = None
-    given: tuple[Wrench, ...] = ()
-    determined: tuple[Wrench, ...] = ()
-    states: StateLog | None = None
-    missing: dict[str, str] = field(default_factory=dict)
-    made: Made = field(default_factory=Made)
-
-    @property
-    def timestep_s(self) -> float:
-        """Of the model."""
-        return float(self.model.opt.timestep)
-
-    @property
-    def duration_s(self) -> float:
-        """Of the run."""
-        return self.steps * self.timestep_s
-
-    @property
-    def target(self) -> float:
-        """Wanted drift, m or rad: as asked for, or by the size of the loops."""
-        return self.options.target or usual_target(self.size)
-
-    @property
-    def moved(self) -> bool:
-        """Whether mocap bodies are moved: then a pose is closed at the time that it belongs to alone."""
-        return controls.moves_mocaps(self.laws)
-
-    @property
-    def closed(self) -> bool:
-        """Whether there is a closed start to run the exact solution from."""
-        return self.pose is not None and self.pose.closed
-
-
 def examine(found: Examination) -> Iterator[str]:
     """Fills an examination part by part; gives the name of each as soon as it is there (``PARTS``).
 
     A part that cannot be found out leaves its reason in ``missing``; the others go on.
     """
-    data = _data(found)
+    data = symptoms.start_of(found)
     if found.options.lint:
         _lint(found)
         found.settings = stability(found.model)
@@ -209,7 +96,7 @@ def examine(found: Examination) -> Iterator[str]:
 
 def _lint(found: Examination) -> None:
     """What can be seen without a run."""
-    view = View(found.model, _data(found), found.pose)
+    view = View(found.model, symptoms.start_of(found), found.pose)
     found.collisions = collision.find(view)
     found.remarks = look(view)
 
@@ -219,25 +106,13 @@ def _collisions(found: Examination) -> None:
     recording = found.recording
     if recording is None or not recording.steps:
         return
-    view = View(found.model, _data(found), found.pose)
+    view = View(found.model, symptoms.start_of(found), found.pose)
     every = [*found.collisions, *collision.later(view, recording.pushes, found.collisions)]
     if every:
         pairs = {one.bodies for one in every}
         without = drifts_without(recording, pairs)
         found.collisions = collision.measured(every, found.drifts, without)
         found.remarks["collision"] = list(collision.tell(found.collisions))
-
-
-def _data(found: Examination) -> mujoco.MjData:
-    """The start with the controls that are constant, and with flexes let go: their rows are not looked at."""
-    data = mujoco.MjData(found.model)
-    data.eq_active[flex_equalities(found.model)] = 0
-    data.qpos[:], data.qvel[:], data.act[:] = found.qpos, found.qvel, found.act
-    parsed = found.laws.parsed() if isinstance(found.laws, controls.Laws) else {}
-    for index, name in enumerate(controls.actuators(found.model)):
-        if name in parsed and parsed[name].is_constant:
-            data.ctrl[index] = parsed[name].at(0.0)
-    return data
 
 
 def _run(found: Examination) -> None:
@@ -259,13 +134,19 @@ def _run(found: Examination) -> None:
                 found.missing["exact"] = doubt
             elif not found.moved:
                 found.fight = find_fight(found.model, found.exact)
-        data = _data(found)
+        data = symptoms.start_of(found)
         data.qpos[:] = found.pose.qpos
         found.stops = find_stops(found.model, data)
     else:
         found.missing["exact"] = "there is no closed start to run it from"
+    if found.recording is None and found.model.neq and not found.moved:
+        with _Reason(found, "parted"):
+            found.parted = symptoms.all_parted(found)
     if found.recording is not None:
         found.drifts = find_drifts(found.recording, found.exact)
+        if not astray:
+            with _Reason(found, "targets"):
+                symptoms.targets(found)
         if astray:  # what follows is measured by runs of the model, beside which these steps do not belong
             return
         with _Reason(found, "collisions"):
@@ -280,8 +161,11 @@ def _run(found: Examination) -> None:
         found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
+            found.undriven = find_undriven(found.recording, loops, found.pose.mobility, found.size)
             found.stuck = find_stuck(found.recording, loops, found.size, partial(takes_degrees, found.path))
-            dead = find_dead_point(found.recording, found.exact, loops, found.size, _data(found))
+            symptoms.missed(found)
+            found.slips = find_slips(found.recording, loops)
+            dead = find_dead_point(found.recording, found.exact, loops, found.size, symptoms.start_of(found))
             stuck = {name for one in found.pose.mobility if one.locked for name in one.equalities}
             # What is locked (S3) never leaves its start, and comes to no dead point.
             found.dead_point = dead if dead is not None and stuck.isdisjoint(dead.equalities) else None
@@ -318,6 +202,8 @@ def _causes(found: Examination) -> None:
         found.without = find_fed(found.recording, found.steps)
         if not any(one.left for one in found.without) and not _known(found):
             found.without += find_finer(found.recording, found.steps)
+            with _Reason(found, "behind"):
+                found.behind = find_blower(found.recording, found.steps)
     with _Reason(found, "causes"):
         attribution = attribute(found.recording)
         if attribution.holds:
@@ -362,6 +248,8 @@ def _taken_away(found: Examination, attribution: Attribution) -> None:
     visible = {one.equality for one in found.drifts if one.level == "position" and one.largest > VISIBLE}
     named = soft & visible & drifting
     found.rotors = find_rotors(recording, [one for one in recording.layout.equalities if one.name in named])
+    with _Reason(found, "behind"):
+        symptoms.behind(found, recording)
     opened = {one.equality for one in found.pose.openings if one.largest > CONSISTENT}
     if opened and found.closed:
         least = max(found.target, VISIBLE)
@@ -397,7 +285,7 @@ def _remedy(found: Examination) -> None:
 
 def _forces(found: Examination) -> None:
     assert found.pose is not None
-    data = _data(found)
+    data = symptoms.start_of(found)
     if found.moved:
         found.missing |= dict.fromkeys(("rank", "forces"), MOVED)
         with _Reason(found, "reactions"):
@@ -426,7 +314,10 @@ def _branch(found: Examination) -> None:
     near = {name for event in events for name in event.equalities}
     near |= {one.equality for one in found.drifts if one.level == "position" and one.largest > TORN * found.size}
     if near:
-        found.branch = find_branch(found.recording, found.exact, found.pose.loops, near, found.size, _data(found))
+        others = found.exact, found.pose.loops, near, found.size, symptoms.start_of(found)
+        found.branch = find_branch(found.recording, *others)
+        if found.branch is not None and (again := symptoms.as_recommended(found)) is not None:
+            found.branch = replace(found.branch, kept=find_branch(again, *others) is None)
 
 
 def _motion(found: Examination) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,9 @@ a gap that is drawn there is kept for good, as a lever that nobody sees. An anch
 body without geoms, a disc that stands for a platform). With a link beside it that is drawn to an end at which nothing
 is held it is: the link was meant to be held there. Unless the end lies on the line of the pin: along the axis of a
 hinge an anchor may stand anywhere, and two connects of the same bodies are the two ends of a pin.
+
+An anchor that was written in another frame, the world's or the second body's, says where it was meant: read so, it is a
+place at which both bodies are.
 """
 
 from collections.abc import Iterator
@@ -13,6 +16,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from oarlock.base.text import quoted
 from oarlock.diagnosis.lint.view import Remark, View, point, told
 from oarlock.mechanics.names import Equality
 from oarlock.poses.assembly import anchors
@@ -20,6 +24,9 @@ from oarlock.poses.assembly import anchors
 AIR = 0.05
 """Of the length of a body: its anchor is in the air where the nearest geom is further away than that, and than the body
 is thick."""
+
+MEETS = 0.01
+"""Of the size of the mechanism: so near two bodies are at a place."""
 
 LONG = 3.0
 """Times its other two: a box or ellipsoid that is so long is a link with two ends."""
@@ -62,6 +69,9 @@ def look(view: View) -> Iterator[Remark]:
     model, data = view.model, mujoco.MjData(view.model)
     mujoco.mj_kinematics(model, data)
     for one in connects:
+        if (meant := _in_another_frame(view, data, one)) is not None:
+            yield meant
+            continue
         places = anchors(model, data, one)
         if np.linalg.norm(places[0] - places[1]) > AIR * view.size:
             continue  # both were given, and the start tells how far apart they are
@@ -78,6 +88,51 @@ def look(view: View) -> Iterator[Remark]:
                 continue
             yield _remark(view, data, one, end, loose, float(np.linalg.norm(loose - places[end])))
             break
+
+
+def _in_another_frame(view: View, data: mujoco.MjData, one: Equality) -> Remark | None:
+    """Of an anchor that in the frame of the first body is in the air, and in another one where both bodies are."""
+    model, (first, second) = view.model, one.bodies
+    given = one.anchor(model, 0)
+    here = data.xpos[first] + data.xmat[first].reshape(3, 3) @ given
+    frames = {
+        "the world": given,
+        quoted(view.body(second)): data.xpos[second] + data.xmat[second].reshape(3, 3) @ given,
+    }
+    near = MEETS * view.size
+    off = max(_away(view, data, body, here) for body in one.bodies)
+    if first == 0 or off <= max(AIR * view.size, 3.0 * near):
+        return None
+    for frame, place in frames.items():
+        if max(_away(view, data, body, place) for body in one.bodies) > near:
+            continue
+        wanted = data.xmat[first].reshape(3, 3).T @ (place - data.xpos[first])
+        gap = float(np.linalg.norm(place - here))
+        written = " ".join(f"{0.0 if abs(value) < 5e-7 else value:.6g}" for value in wanted.tolist())
+        bodies = " and ".join(quoted(view.body(body)) for body in one.bodies)
+        said = (
+            f"its anchor {point(given)} is in the frame of {quoted(view.body(first))}, and pins {bodies} {told(gap)} m "
+            f"away from where they meet, at a point in the air; read in the frame of {frame} it is that place: "
+            f'write anchor="{written}"'
+        )
+        return Remark("S5", said, one.name, figures={"gap": gap, "wanted": wanted.tolist()})
+    return None
+
+
+def _away(view: View, data: mujoco.MjData, body: int, place: np.ndarray) -> float:
+    """From a point (3) to what is drawn of a body, or is a place of it: a site, a joint, a body that it holds."""
+    model = view.model
+    if body == 0:
+        return 0.0
+    weld = model.body_weldid[body]
+    own = np.flatnonzero(model.body_weldid[model.site_bodyid] == weld)
+    children = np.flatnonzero((model.body_weldid[model.body_parentid] == weld) & (model.body_weldid != weld))
+    joints = np.flatnonzero(np.isin(model.body_weldid[model.jnt_bodyid], [weld, *model.body_weldid[children]]))
+    turning = joints[model.jnt_type[joints] != mujoco.mjtJoint.mjJNT_FREE]
+    points = [data.xpos[body], *data.site_xpos[own], *data.xpos[children], *data.xanchor[turning]]
+    geoms = [geom for geom in view.geoms_of(body) if model.geom_type[geom] in _DRAWN]
+    found = [float(np.linalg.norm(one - place)) for one in points]
+    return min([*found, *(_distance(model, data, int(geom), place) for geom in geoms)])
 
 
 def _on_pin(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.ndarray, thickness: float) -> bool:

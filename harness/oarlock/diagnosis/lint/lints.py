@@ -27,6 +27,7 @@ from oarlock.diagnosis.lint import (
     swapped,
     underdamped,
     unit,
+    unused,
 )
 from oarlock.diagnosis.lint.view import Remark, View
 from oarlock.mechanics.load import collected_warnings
@@ -46,6 +47,7 @@ LINTS: dict[str, Callable[[View], Iterator[Remark]]] = {
     "gyration": gyration.look,
     "jump": jump.look,
     "swapped": swapped.look,
+    "unused": unused.look,
     "relpose": relpose.look,
     "drawn": drawn.look,
     "doubtful": doubtful.look,

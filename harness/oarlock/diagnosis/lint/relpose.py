@@ -6,6 +6,7 @@ that is far from the drawn one is as often a leftover: without a relpose MuJoCo 
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -44,8 +45,16 @@ def look(view: View) -> Iterator[Remark]:
         if fits and min(off.values()) > OFF:
             yield _remark(view, one, given, other, off[fits[0]], fits[0])
         elif min(off.values()) < FITS and min(_apart(data, one, view) for data in poses.values()) > FAR * view.size:
-            if view.loops.closed:
-                continue  # the drawing is where it begins to be pulled together
+            target = any(view.model.body_mocapid[body] >= 0 for body in one.bodies)
+            if view.loops.closed or target:
+                # The drawing is where it begins to be pulled together, or a target that was moved since. What a target
+                # carries, or is free, has no other place that it is held at than the one that is drawn.
+                free = target or any(_free(view.model, body) for body in one.bodies)
+                moved = target and view.model.nkey
+                far = _apart(own, one, view) > view.size
+                if free and far and not moved and view.posed and _as_drawn(view, one, own):
+                    yield replace(_shifted(view, one, own), severity="warning")
+                continue
             yield _shifted(view, one, own)
 
 
@@ -68,6 +77,16 @@ def _remark(view: View, one: Equality, given: np.ndarray, other: np.ndarray, off
 def _apart(data: mujoco.MjData, one: Equality, view: View) -> float:
     first, second = anchors(view.model, data, one)
     return float(np.linalg.norm(second - first))
+
+
+def _free(model: mujoco.MjModel, body: int) -> bool:
+    root = int(model.body_rootid[body])
+    return bool(model.body_jntnum[root]) and model.jnt_type[model.body_jntadr[root]] == mujoco.mjtJoint.mjJNT_FREE
+
+
+def _as_drawn(view: View, one: Equality, own: mujoco.MjData) -> bool:
+    """Whether the two bodies stand at the start as they are drawn."""
+    return abs(_apart(own, one, view) - _apart(view.data, one, view)) <= FITS * _apart(own, one, view)
 
 
 def _shifted(view: View, one: Equality, own: mujoco.MjData) -> Remark:

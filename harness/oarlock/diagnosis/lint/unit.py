@@ -45,10 +45,18 @@ CLOSES = 0.01
 ROOM = 2.0
 """Times what a hinge can do: so many degrees are a target beyond it, more are counts."""
 
+MM = 1000.0
+
+VAST = 30.0
+"""m. Links of a mechanism that weight moves are shorter, in m."""
+
+STEEP = 10.0
+"""Of what a slide has to go: a coupling that takes it further within a radian is in another unit."""
+
 PLACES = 64
 """Of a range at which a polynomial is looked at."""
 
-_HINGE = int(mujoco.mjtJoint.mjJNT_HINGE)
+_HINGE, _SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def degrees(value: float) -> bool:
@@ -73,6 +81,7 @@ def look(view: View) -> Iterator[Remark]:
     yield from _of_controls(view)
     yield from _of_couplings(view)
     yield from _of_keyframes(view)
+    yield from _of_lengths(view)
 
 
 def _remark(what: str, names: list[str], said: str) -> Remark:
@@ -230,6 +239,30 @@ def met(model: mujoco.MjModel, one: Equality, offset: float) -> bool:
         places = np.linspace(second[0][0], second[0][1], PLACES)
         follows = places * np.polynomial.polynomial.polyval(places, model.eq_data[one.index, 1:5])
     return bool(offset + follows.min() <= first[1] and offset + follows.max() >= first[0])
+
+
+def _of_lengths(view: View) -> Iterator[Remark]:
+    """Of a mechanism, or the slope of a rack or screw, that as metres is out of all proportion and as mm is not."""
+    model = view.model
+    if view.size > VAST and model.opt.gravity.any():
+        said = f"links reach {view.size:.3g} m: lengths are in m, mm were meant? divide every length by 1000"
+        names = [name for group in (view.loops.groups if view.equalities else ()) for name in group.equalities]
+        if names:
+            yield Remark("A2", said, names[0], "error", {"also": names[1:]})
+        return
+    for one in view.equalities:
+        ids = coupled_ids(model, one.index) if one.kind.holds == "joints" else []
+        slope = abs(float(model.eq_data[one.index, 1]))
+        if len(ids) != 2 or [int(model.jnt_type[joint]) for joint in ids] != [_SLIDE, _HINGE]:
+            continue
+        reach = _way(view, ids[0])
+        if slope > STEEP * reach and slope / MM <= reach:
+            names = [element_name(model, JOINT, joint) for joint in ids]
+            said = (
+                f"polycoef moves the slide '{names[0]}' by {slope:g} m per rad of '{names[1]}', and has {reach:.3g} m "
+                f"to go: mm were meant? {float(model.eq_data[one.index, 1]) / MM:.6g}"
+            )
+            yield Remark("A2", said, one.name, figures={"also": [], "wanted": float(model.eq_data[one.index, 1]) / MM})
 
 
 def _of_keyframes(view: View) -> Iterator[Remark]:

@@ -45,6 +45,7 @@ class Tilt:
     joint: str
     equality: str
     radians: float
+    axis: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -182,5 +183,14 @@ def find_tilts(assembly: Assembly, names: set[str]) -> tuple[Tilt, ...]:
         for joint, angle in angles.items():
             if PARALLEL < angle <= TILTED:
                 name = element_name(model, _JOINT, joint)
-                found.setdefault(name, Tilt(name, equality.name, angle))
+                turns = model.jnt_type[joint] == _HINGE
+                axis = _parallel(model, own, joint, axes[normal]) if turns else ()
+                found.setdefault(name, Tilt(name, equality.name, angle, axis))
     return tuple(found.values())
+
+
+def _parallel(model: mujoco.MjModel, data: mujoco.MjData, joint: int, along: np.ndarray) -> tuple[float, ...]:
+    """The axis of a joint, in the frame of its body, that is parallel to a direction (3) of the world."""
+    axis = data.xmat[model.jnt_bodyid[joint]].reshape(3, 3).T @ along
+    axis *= 1.0 if axis @ model.jnt_axis[joint] >= 0.0 else -1.0
+    return tuple(np.round(axis, 9).tolist())

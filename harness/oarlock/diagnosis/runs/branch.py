@@ -46,6 +46,7 @@ class Branch:
         joint: whose coordinate differs most at the end of the run.
         apart: by how much its coordinates are apart there; unit: rad (modulo whole turns) or m.
         since_s: when MuJoCo left the exact motion's branch.
+        kept: whether the settings of the recipe keep it on that branch: then it is what opens the loop that leads away.
     """
 
     equalities: tuple[str, ...]
@@ -53,6 +54,7 @@ class Branch:
     apart: float
     unit: str
     since_s: float
+    kept: bool = False
 
 
 def find_branch(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.loops.loops import Group, Loops
 from oarlock.diagnosis.runs.drifts import Drift
 from oarlock.diagnosis.runs.recording import Recording
@@ -17,6 +18,9 @@ from oarlock.mechanics.servos import Servo, servos
 
 CHOICES = 10
 """Of servos to keep: of more no run is made."""
+
+PARTS = 4
+"""Of a run; the last of them tells what stays open for good."""
 
 _JOINT = mujoco.mjtObj.mjOBJ_JOINT
 
@@ -32,6 +36,7 @@ class Overdriven:
         drift: how far the equality opens, m or rad; drift_without: the most about that moment with ``dof`` of the
             servos alone, whichever they are.
         unit: of the two.
+        lasts: whether both are what stays for good, over the last part of the run.
     """
 
     equality: str
@@ -42,6 +47,7 @@ class Overdriven:
     drift: float
     drift_without: float
     unit: str
+    lasts: bool = False
 
 
 def find_overdriven(recording: Recording, drifts: list[Drift], loops: Loops, least: float) -> tuple[Overdriven, ...]:
@@ -66,9 +72,12 @@ def find_overdriven(recording: Recording, drifts: list[Drift], loops: Loops, lea
         own = [one for one in servos(recording.model) if _joint(recording, one) in group.joints]
         if not drifting or not 0 < group.dof < len(own):
             continue
+        lasting = _lasting(recording, _place(recording, drifting[0]), recording.position)
         left = _left(recording, drifting[0], group, own)
-        if left is not None and left <= (1.0 - MOST) * drifting[0].largest:
-            found.append(_overdriven(recording, drifting, group, own, left))
+        if left is not None and left[0] <= (1.0 - MOST) * drifting[0].largest:
+            found.append(_overdriven(recording, drifting, group, own, left[0]))
+        elif left is not None and lasting > least and left[1] <= (1.0 - MOST) * lasting:
+            found.append(_overdriven(recording, drifting, group, own, left[1], lasting))
     return tuple(found)
 
 
@@ -76,12 +85,22 @@ def _joint(recording: Recording, one: Servo) -> str:
     return element_name(recording.model, _JOINT, one.joint)
 
 
-def _left(recording: Recording, drift: Drift, group: Group, own: list[Servo]) -> float | None:
-    """The most of a drift (m or rad) with any choice of its servos; None where a run does not last."""
+def _lasting(recording: Recording, place: int, position: np.ndarray) -> float:
+    """The median gap (m or rad) of an equality over the last part of a run, where a jump at the start has faded."""
+    rows = position[-max(1, len(position) // PARTS) :, recording.layout.of_equality(place)]
+    every = gaps(recording.model, recording.layout.equalities[place], rows)
+    return max(float(np.median(sizes)) for sizes in every.values())
+
+
+def _left(recording: Recording, drift: Drift, group: Group, own: list[Servo]) -> tuple[float, float] | None:
+    """The most of a drift (m or rad) with any choice of its servos, about its moment and for good.
+
+    None where a run does not last.
+    """
     choices = list(itertools.combinations(own, group.dof))
     if len(choices) > CHOICES:
         return None
-    place, most = _place(recording, drift), 0.0
+    place, most, lasts = _place(recording, drift), 0.0, 0.0
     for kept in choices:
         model = own_copy(recording.model)
         off = [one.index for one in own if one not in kept]
@@ -90,16 +109,24 @@ def _left(recording: Recording, drift: Drift, group: Group, own: list[Servo]) ->
         if again is None:
             return None
         most = max(most, left_about(recording, place, again.position).largest)
-    return most
+        lasts = max(lasts, _lasting(recording, place, again.position))
+    return most, lasts
 
 
 def _place(recording: Recording, drift: Drift) -> int:
     return [one.name for one in recording.layout.equalities].index(drift.equality)
 
 
-def _overdriven(recording: Recording, drifting: list[Drift], group: Group, own: list[Servo], left: float) -> Overdriven:
+def _overdriven(
+    recording: Recording,
+    drifting: list[Drift],
+    group: Group,
+    own: list[Servo],
+    left: float,
+    lasting: float | None = None,
+) -> Overdriven:
     model, worst = recording.model, drifting[0]
-    step = int(np.abs(recording.time - worst.time_s).argmin())
+    step = recording.steps - 1 if lasting is not None else int(np.abs(recording.time - worst.time_s).argmin())
     told = []
     for one in own:
         unit = "m" if model.jnt_type[one.joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
@@ -111,7 +138,8 @@ def _overdriven(recording: Recording, drifting: list[Drift], group: Group, own: 
         servos=tuple(one.name for one in own),
         told=tuple(told),
         dof=group.dof,
-        drift=worst.largest,
+        drift=worst.largest if lasting is None else lasting,
         drift_without=left,
+        lasts=lasting is not None,
         unit="rad" if (worst.radians or 0.0) > (worst.metres or 0.0) else "m",
     )

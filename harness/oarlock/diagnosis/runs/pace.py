@@ -31,6 +31,7 @@ class Pace:
         rate: rad/s; time_s: when.
         driver: the actuator that gives most, of those on joints of the same loops, in words; empty if there is none.
         force: that force over MuJoCo's run; unit: of it.
+        actuator: its number; -1: there is none.
     """
 
     joint: str
@@ -41,6 +42,7 @@ class Pace:
     driver: str = ""
     force: float = 0.0
     unit: str = "N m"
+    actuator: int = -1
 
     @property
     def too_fast(self) -> bool:
@@ -92,15 +94,15 @@ def find_pace(
     return Pace(name, turn, bound(recording.integrator), turn / h, float(times[step]), *driver)
 
 
-def _driver(recording: Recording, loops: Loops | None, joint: int) -> tuple[str, float, str]:
-    """The actuator on a joint of the same group as one joint that gives most, in words, with its force and unit."""
+def _driver(recording: Recording, loops: Loops | None, joint: int) -> tuple[str, float, str, int]:
+    """The actuator on a joint of the same group that gives most, in words, with its force, unit and number."""
     model = recording.model
     joints = {joint}
     for number in range(len(loops.groups) if loops is not None else 0):
         assert loops is not None
         group = {int(model.dof_jntid[dof]) for dof in loops.dofs(number)}
         joints |= group if joint in group else set()
-    best = ("", 0.0, "N m")
+    best = ("", 0.0, "N m", -1)
     for actuator in range(model.nu):
         kind, driven = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
         if kind not in _ON_JOINTS or driven not in joints:
@@ -110,5 +112,5 @@ def _driver(recording: Recording, loops: Loops | None, joint: int) -> tuple[str,
             name = element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, actuator)
             plain = not (model.actuator_biastype[actuator] or model.actuator_dyntype[actuator])
             slides = int(model.jnt_type[driven]) == _SLIDE
-            best = f"{'motor' if plain else 'actuator'} {quoted(name)}", force, "N" if slides else "N m"
+            best = f"{'motor' if plain else 'actuator'} {quoted(name)}", force, "N" if slides else "N m", actuator
     return best

@@ -13,6 +13,7 @@ import numpy as np
 
 from oarlock.diagnosis.loops.gaps import Opening, opening, widest
 from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.diagnosis.runs.walking import walk
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.load import collected_warnings
@@ -54,9 +55,30 @@ def find_parted(recording: Recording, apart: float) -> tuple[Parted, ...]:
     idle = [one for one in equalities(model) if not model.eq_active0[one.index] and _joins_parts(model, one)]
     if not idle or not recording.steps:
         return ()
-    steps = np.unique(np.linspace(0, recording.steps - 1, LOOKS).astype(int))
+    return _parted(recording, idle, recording.qpos, apart)
+
+
+def find_all_parted(held: Recording, apart: float) -> tuple[Parted, ...]:
+    """The same of a model all of whose equalities are switched off.
+
+    Args:
+        held: a run of it with those on that join points or couple joints.
+        apart: as of ``find_parted``.
+    """
+    model = copy.deepcopy(held.model)
+    idle = list(held.layout.equalities)
+    model.eq_active0[:] = 0
+    fallen = rerun(held, model)
+    if fallen is None:
+        return ()
+    return tuple(one for one in _parted(held, idle, fallen.qpos, apart) if one.held is not None)
+
+
+def _parted(recording: Recording, idle: Sequence[Equality], qpos: np.ndarray, apart: float) -> tuple[Parted, ...]:
+    model = recording.model
+    steps = np.unique(np.linspace(0, len(qpos) - 1, LOOKS).astype(int))
     found = []
-    for one, rows in zip(idle, _rows(model, idle, recording.qpos[steps]), strict=True):
+    for one, rows in zip(idle, _rows(model, idle, qpos[steps]), strict=True):
         if not rows.size or opening(model, one, rows[0]).largest > apart:
             continue
         worst = widest(model, one, rows)

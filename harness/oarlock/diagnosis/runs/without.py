@@ -178,11 +178,15 @@ def _without(
     return Without(cause, {one.name: left_about(recording, place, again.position) for place, one in every}, parts)
 
 
-def left_about(recording: Recording, place: int, position: np.ndarray) -> Opening:
-    """The largest gap of an equality in another run (steps, rows), about the moment of the worst one in this run."""
+def left_about(recording: Recording, place: int, position: np.ndarray, model: mujoco.MjModel | None = None) -> Opening:
+    """The largest gap of an equality in another run (steps, rows), about the moment of the worst one in this run.
+
+    ``model`` is that of the other run, where its rows are scaled in another way.
+    """
+    model = recording.model if model is None else model
     rows, equality = recording.layout.of_equality(place), recording.layout.equalities[place]
     near = position[about(recording, place), rows]
-    return opening(recording.model, equality, near[widest(recording.model, equality, near)])
+    return opening(model, equality, near[widest(model, equality, near)])
 
 
 def about(recording: Recording, place: int) -> slice:

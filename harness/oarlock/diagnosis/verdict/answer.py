@@ -2,11 +2,14 @@
 
 from collections.abc import Sequence
 
-from oarlock.base.numbers import figure
+from oarlock.base.errors import few
+from oarlock.base.numbers import figure, percent
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.runs.drifts import Drift
-from oarlock.diagnosis.verdict.blame import held, with_armature
+from oarlock.diagnosis.runs.recipe import Recipe
+from oarlock.diagnosis.runs.solving import Solving
+from oarlock.diagnosis.verdict.blame import behind, held, with_armature
 from oarlock.diagnosis.verdict.cost import metres, named
 from oarlock.diagnosis.verdict.findings import Finding, worst_first
 from oarlock.diagnosis.verdict.motions import stands
@@ -21,11 +24,42 @@ _BECAUSE = {
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
 
-BEYOND = ("A2", "A3", "A5", "A6", "A7", "C3", "C4", "C5", "L6", "L9", "L10", "L13", "S2", "S3", "S5", "S7", "U4", "U5")
+BEYOND = (
+    "A2",
+    "A3",
+    "A5",
+    "A6",
+    "A7",
+    "A8",
+    "A9",
+    "A10",
+    "C3",
+    "C4",
+    "C5",
+    "C6",
+    "L6",
+    "L9",
+    "L10",
+    "L13",
+    "L15",
+    "S2",
+    "S3",
+    "S5",
+    "S7",
+    "S8",
+    "U4",
+    "U5",
+)
 """What no settings mend: something else in the file has to be another one."""
 
-UNMOVED = ("A6", "L6")
+UNMOVED = ("A2", "A3", "A6", "A7", "A8", "A9", "A10", "C6", "L6", "L13", "L15", "S5")
 """What is wrong however well the loops hold: the mechanism does not do what it is told, or drawn, to do."""
+
+WEIGHT = 0.5
+"""Of a drift: with more of it gone without gravity, it is the weight of the mechanism that opens the loop."""
+
+MOST_COORDINATES = 10
+"""Of a pose that is written out in the answer; of more, --write-keyframe writes it."""
 
 _PREDICATES = ("is ", "opens ", "stands ", "stays ", "cannot ", "gives ")
 """How a line begins of which the element is the subject."""
@@ -43,10 +77,22 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
     holds = worst.largest <= exam.target
     if bad and (not holds or bad[0].severity == "error" or bad[0].code in UNMOVED):
         why = bad[0] if bad[0].code in UNMOVED else _cause(worst, bad)
-        said = _own(why) if why.code not in _BECAUSE else f"{_opens(worst)}: {_BECAUSE[why.code]}"
+        because = behind(exam, worst.equality) if why.code in _BECAUSE else ""
+        said = _own(why) if why.code not in _BECAUSE else f"{_opens(worst)}: {because or _load(exam, why.code)}"
+        if why.code == "D8" and exam.calmer is not None:
+            factor, left = exam.calmer
+            said += f", and with {factor:g} times that (its gain, or gear) {quoted(left.equality)} opens by {left}"
+        if why.code in ("S2", "S3"):
+            said += _straight(exam)
+        if why.code == "D6" and why.element and "drift_m" in why.figures:
+            said += f"; the solver is {Solving.of(exam.model)}"
         if why.code == "D1" and exam.rotors is not None and worst.equality in exam.rotors.left:
             said += f"; {with_armature(exam.rotors, worst.equality)}"
-        return said if why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
+        if why.code == "A1" and why.severity != "note":
+            said = said.replace(": ", f" is too stiff for a timestep of {exam.timestep_s:g} s: ", 1)
+        said += _closed_start(exam) if why.code == "S1" else ""
+        stopped = because and exam.behind is not None and exam.behind.wanted is not None
+        return said if stopped or why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
     if holds and stands(exam):
         return (
             "Nothing of its loops moves in this run, so that how they hold is not seen: give it a start with a "
@@ -55,6 +101,14 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
     if holds:
         return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(worst, 'at most ')}"
     return f"{_opens(worst)}{_mended(exam)}"
+
+
+def _load(exam: Examination, code: str) -> str:
+    """Why an equality opens, with what pulls at it where that is no more than its weight."""
+    one = exam.behind
+    if code == "D1" and one is not None and one.weight is not None and one.weight > WEIGHT:
+        return f"MuJoCo's constraints are springs, and the weight of the links makes {percent(one.weight)} of it"
+    return _BECAUSE[code]
 
 
 def _own(finding: Finding) -> str:
@@ -75,6 +129,25 @@ def _cause(worst: Drift, bad: Sequence[Finding]) -> Finding:
         return bad[0]
     own = [one for one in bad if worst.equality in named(one)]
     return max((*own[:1], bad[0]), key=lambda one: one.cost)
+
+
+def _straight(exam: Examination) -> str:
+    """How the axes would be parallel of which it is said that they are not."""
+    tilts = exam.pose.tilts if exam.pose is not None else ()
+    axes = [
+        f'axis="{" ".join(f"{value + 0.0:.6g}" for value in one.axis)}" of {quoted(one.joint)}'
+        for one in tilts
+        if one.axis
+    ]
+    return f"; with {few(axes, last='and')} it is parallel to the others" if axes else ""
+
+
+def _closed_start(exam: Examination) -> str:
+    """The nearest closed pose, as a keyframe of few coordinates has it."""
+    pose = exam.pose
+    if pose is None or pose.consistent or not pose.moved or len(pose.qpos) > MOST_COORDINATES:
+        return ""
+    return f'; a keyframe with qpos="{" ".join(f"{value + 0.0:.6g}" for value in pose.qpos)}" is closed'
 
 
 def _opens(worst: Drift, most: str = "") -> str:
@@ -101,4 +174,11 @@ def _mended(exam: Examination, what: str = "it") -> str:
     whence = "from the closed start, " if exam.pose is not None and not exam.pose.consistent else ""
     most = "opens by at most" if what == "it" else "opens by more than"
     untried = f", {recipe.untried}" if recipe.untried else ""
-    return f"; {whence}with {recipe.reason} {what} {most} {held(left)}{untried}"
+    return f"; {whence}with {recipe.reason}{_written(recipe)} {what} {most} {held(left)}{untried}"
+
+
+def _written(recipe: Recipe) -> str:
+    """The numbers of stiffer equalities, unless the reason has them."""
+    given = recipe.chosen.setting.equality_attributes()
+    said = [f'{name}="{value}"' for name, value in given.items() if f'{name} "{value}"' not in recipe.reason]
+    return f" ({' '.join(said)})" if said else ""

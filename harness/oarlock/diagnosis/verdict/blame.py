@@ -106,6 +106,13 @@ def drift(exam: Examination) -> Iterator[Finding]:
             said += f"; MuJoCo scales it by the inertia of {own}, {rotors.inertia:.2g} {rotors.unit}: "
             said += with_armature(rotors, share.name)
             figures |= {"armature": exam.rotors.armature, "joints": list(exam.rotors.joints)}
+        if because := behind(exam, share.name):
+            said += f"; {because}"
+            assert exam.behind is not None
+            figures |= {
+                "behind": exam.behind.suspect.name if exam.behind.suspect else None,
+                "behind_part": exam.behind.share,
+            }
         yield found(code, exam.file, said, element=share.name, severity=severity, **figures)
         softer = {one.name: float(recording.scale[one.row]) for one, *_ in members if recording.scale[one.row] > SCALE}
         if code == "D1" and softer:
@@ -115,6 +122,20 @@ def drift(exam: Examination) -> Iterator[Finding]:
             said = f"the row that drifts most, {label}, is {softer[name]:.3g} times softer than solimp says"
             one = found("D5", exam.file, said, element=name, severity=severity, ratio=softer[name])
             yield _with_others(one, rest)
+
+
+def behind(exam: Examination, equality: str) -> str:
+    """What makes most of the drift of an equality, in words; empty where nothing that is named does."""
+    one = exam.behind
+    if one is None or one.equality != equality or one.suspect is None or one.left is None:
+        return ""
+    of = "it" if one.lasting is None else f"what stays open ({one.lasting})"
+    said = f"{percent(one.share)} of {of} is made by {one.suspect.said}: {one.suspect.tried} {one.left} is left"
+    if one.wanted is not None:
+        said += f", and it goes from {one.wanted[0] + 0.0:.3g} to {one.wanted[1] + 0.0:.3g}"
+    if one.factor and one.suspect.sort in ("spring", "damper"):
+        said += f", and less than half of it with {one.factor:g} times that"
+    return said
 
 
 def _gentle(exam: Examination, share: Share) -> str:

@@ -13,7 +13,27 @@ from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
 
-_CAUSES = ("A1", "A2", "A3", "A4", "A5", "A7", "C2", "C4", "C5", "D6", "D8", "L13", "S3", "S5", "S7", "U4", "U5")
+_CAUSES = (
+    "A1",
+    "A2",
+    "A3",
+    "A4",
+    "A5",
+    "A7",
+    "C2",
+    "C4",
+    "C5",
+    "D6",
+    "D8",
+    "L13",
+    "L15",
+    "S3",
+    "S5",
+    "S7",
+    "S8",
+    "U4",
+    "U5",
+)
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
 
@@ -122,20 +142,26 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "A3": _whole,
     "A7": _whole,
     "L13": _whole,
+    "L15": _whole,
     "D8": _whole,
     "S3": _whole,
     "S7": _whole,
     "C2": _lag,
     "A5": _collision,
     "A6": _figure("short"),
+    "A8": _figure("way"),
+    "A9": _figure("short"),
+    "A10": _figure("short"),
     "C4": _collision,
     "C5": _collision,
+    "C6": _figure("way"),
     "L6": _apart,
     "S1": _opened,
     "S2": _figure("gap"),
     "S4": _figure("left"),
     "S5": _figure("gap"),
+    "S8": _figure("gap"),
     "U4": _figure("torn"),
-    "U5": _figure("apart"),
+    "U5": _whole,
 }
 """Code → its cost; of all others the figures say nothing of an opening."""

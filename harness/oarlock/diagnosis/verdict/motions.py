@@ -11,9 +11,9 @@ from oarlock.base.text import called, quoted
 from oarlock.diagnosis.examination import Examination, starved
 from oarlock.diagnosis.runs.drifts import VISIBLE
 from oarlock.diagnosis.runs.solving import Solving
-from oarlock.diagnosis.verdict.blame import held, in_words
+from oarlock.diagnosis.verdict.blame import behind, held, in_words
 from oarlock.diagnosis.verdict.causes import CAUSE
-from oarlock.diagnosis.verdict.findings import Finding, found
+from oarlock.diagnosis.verdict.findings import Finding, Severity, found
 from oarlock.diagnosis.verdict.ranks import doubtful
 from oarlock.stepping.state import STILL
 
@@ -23,6 +23,8 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
     one = exam.dead_point
     if one is None or doubtful(exam, one.equalities):
         return
+    if any({each.equality, *each.others} & {*one.equalities} for each in exam.undriven):
+        return  # a loop that nothing drives swings there (A8)
     turns = "" if one.turns_s is None else f" and turns back, as the exact motion does at t = {one.turns_s:.4g} s"
     said = (
         f"{called('joint', one.joint)} cannot pass {_coordinate(one.limit, one.unit)}: the mechanism comes to a dead "
@@ -30,6 +32,8 @@ def dead_point(exam: Examination) -> Iterator[Finding]:
         f"{one.torn} and moves the joint at up to {one.speed:.3g} {one.unit}/s, in poses that the mechanism does not "
         "have"
     )
+    if because := behind(exam, one.equality):
+        said += f"; {because}"
     yield found(
         "U4",
         exam.file,
@@ -51,15 +55,21 @@ def _coordinate(value: float, unit: str) -> str:
 def branch(exam: Examination) -> Iterator[Finding]:
     """U5: MuJoCo's run ends on another assembly branch than the exact one."""
     one, recording = exam.branch, exam.recording
+    loose = {name for each in exam.undriven for name in (each.equality, *each.others)}
+    if one is not None and not loose.isdisjoint(one.equalities):
+        return  # what falls where nothing drives it comes to many a branch (A8)
     if one is None or recording is None or recording.end.how == "diverged" or starved(exam):
         return  # the motion of a run that blows up, or of forces that nobody solved for, is on no branch
     said = (
         f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one; "
         f"at the end of the run they are {one.apart:.3g} {one.unit} apart at {called('joint', one.joint)}"
     )
+    if one.kept:
+        said += "; with the settings that hold the loop (T1) it stays on that of the exact motion"
     names = list(one.equalities)
     figures = {"time_s": one.since_s, "joint": one.joint, "apart": one.apart}
-    yield found("U5", exam.file, said, element=names[0], also=names[1:], **figures)
+    severity: Severity | None = "note" if one.kept else None
+    yield found("U5", exam.file, said, element=names[0], severity=severity, also=names[1:], **figures)
 
 
 def pace(exam: Examination) -> Iterator[Finding]:
@@ -117,9 +127,10 @@ def overdriven(exam: Examination) -> Iterator[Finding]:
     for one in exam.overdriven:
         given, without = (figure(value, one.unit) for value in (one.drift, one.drift_without))
         freedom = "the one degree of freedom" if one.dof == 1 else f"the {one.dof} degrees of freedom"
+        how = "stays open" if one.lasts else "opens"
         kept = "any one" if one.dof == 1 else f"any {one.dof}"
         said = (
-            f"opens by {given}, and by at most {without} with {kept} of its {len(one.servos)} servos alone: "
+            f"{how} by {given}, and by at most {without} with {kept} of its {len(one.servos)} servos alone: "
             f"{in_words(list(one.servos))} are told {few(list(one.told), last='and')}, more than {freedom} of the loop "
             "can follow"
         )

@@ -1,18 +1,29 @@
 """From servos that something holds to findings: what is wrong although the loops hold."""
 
 from collections.abc import Iterator
+from dataclasses import asdict
 
 import mujoco
+import numpy as np
 
 from oarlock.base.errors import few
-from oarlock.base.text import called
-from oarlock.diagnosis.examination import Examination
+from oarlock.base.text import called, quoted
+from oarlock.diagnosis.examination import Examination, starved
+from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.runs.obstacles import Obstacle
 from oarlock.diagnosis.runs.stuck import Late, Stuck
-from oarlock.diagnosis.verdict.blame import beyond_repair, in_words, position
+from oarlock.diagnosis.runs.undriven import Spring
+from oarlock.diagnosis.verdict.blame import beyond_repair, in_words
 from oarlock.diagnosis.verdict.cost import metres
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found
+from oarlock.mechanics.load import takes_degrees
 from oarlock.mechanics.names import element_name
+
+HALF = 0.5
+"""Of a way: with less of it left without gravity, it is the weight that does it."""
+
+PARTS = 4
+"""Of the run; in the last of them what opens a loop has to last."""
 
 SMALL = 0.1
 """Of what a servo is short of: with loops that open further it is they that are in question."""
@@ -66,13 +77,25 @@ def _finding(exam: Examination, one: Stuck, equalities: tuple[str, ...]) -> Find
 
 
 def _torn(exam: Examination, one: Stuck, equalities: tuple[str, ...]) -> bool:
-    """Whether the loops open so far that it is they that are in question."""
-    opened = max(
-        (metres(exam, drift.metres, drift.radians) for name in equalities if (drift := position(exam, name))),
-        default=0.0,
-    )
+    """Whether the loops stand open so far, when a jump at the start has faded, that it is they that are in question."""
+    opened = max((_lasting(exam, name) for name in equalities), default=0.0)
     first = one.late[0]
     return opened > SMALL * first.short * (exam.size if first.unit == "rad" else 1.0)
+
+
+def _lasting(exam: Examination, name: str) -> float:
+    """The median gap of an equality over the last part of the run, m, of an angle times the size of the loops."""
+    recording = exam.recording
+    if recording is None:
+        return 0.0
+    names = [one.name for one in recording.layout.equalities]
+    if name not in names:
+        return 0.0
+    place = names.index(name)
+    rows = recording.position[-max(1, recording.steps // PARTS) :, recording.layout.of_equality(place)]
+    every = gaps(recording.model, recording.layout.equalities[place], rows)
+    sizes = {unit: float(np.median(values)) for unit, values in every.items()}
+    return metres(exam, sizes.get("m"), sizes.get("rad"))
 
 
 def _severity(one: Stuck) -> Severity | None:
@@ -112,3 +135,160 @@ def _described(one: Obstacle) -> str:
     low, high = one.range
     over = f", overrun by {one.by:.2g}" if one.by else ""
     return f"the {one.name} ({low:.4g} to {high:.4g} {one.unit}{over}; {one.force:.3g} {one.force_unit})"
+
+
+def targets(exam: Examination) -> Iterator[Finding]:
+    """S8: mocap targets that a mechanism does not follow."""
+    for one in exam.targets:
+        at = "" if one.time_s is None else f" at t = {one.time_s:.4g} s"
+        if one.speed:
+            said = (
+                f"mocap body {quoted(one.body)} moves at {one.speed:.3g} m/s{at}, faster than the rows follow: "
+                f"{quoted(one.held)} is {one.short} behind"
+            )
+            if one.left is not None:
+                said += f'; with solref="{one.solref}" solimp="0.9999 0.9999 0.001" it stays within {one.left}'
+            else:
+                said += "; move it more slowly"
+        else:
+            what = "place can be reached, its orientation cannot" if one.turned else "pose is out of reach"
+            by = f"{quoted(one.held)} is {'turned' if one.turned else 'short'} by {one.short} where it is nearest"
+            pose = f'pos="{_numbers(one.pos)}" quat="{_numbers(one.quat)}"'
+            said = f"mocap body {quoted(one.body)}: its {what}{at}: {by}; with {pose} it is met"
+            if one.left is not None:
+                said += f", within {one.left} at the end of the run"
+            if one.turned:
+                said += ", and a <connect> in place of the weld holds the place alone"
+        figures = {
+            "body": one.body,
+            "gap": one.short.largest,
+            "pos": one.pos.tolist(),
+            "quat": one.quat.tolist(),
+            "left": None if one.left is None else one.left.largest,
+            "speed": one.speed,
+            "time_s": one.time_s,
+        }
+        severity: Severity | None = "warning" if one.speed else None
+        yield found("S8", exam.file, said, element=one.equality, severity=severity, **figures)
+
+
+def missed(exam: Examination) -> Iterator[Finding]:
+    """A9: servos that do not come to where they are told, by what is in the way or too weak."""
+    if exam.pose is None or exam.dead_point is not None:
+        return
+    loose = {name for one in exam.undriven for name in (one.equality, *one.others)}
+    every = [one for remarks in exam.remarks.values() for one in remarks if one.severity != "note" and one.code != "A1"]
+    odd = {name for one in every for name in (one.element, *one.figures.get("also", ()), *one.figures.get("loops", ()))}
+    for one in exam.missed:
+        names = exam.pose.loops.groups[one.group].equalities
+        if not (beyond_repair(exam) | odd).isdisjoint((*names, one.servo.name)):
+            continue
+        if one.suspect is None and (one.kp is None or not loose.isdisjoint(names)):
+            continue  # what swings by itself takes it along (A8)
+        effort = "N" if one.unit == "m" else "N m"
+        said = f"is told {one.told + 0.0:.3g} {one.unit} and {quoted(one.joint)} comes to {one.reached + 0.0:.3g} "
+        said += one.unit
+        said += f" with all of its {one.full:.3g} {effort}" if one.full is not None else f" with kp {one.given:g}"
+        if one.suspect is not None:
+            said += f": {one.suspect.said} holds it, and without that it comes to {one.without or 0.0:.3g} {one.unit}"
+        if one.kp is not None:
+            wide = "a wider forcerange" if one.full is not None else ""
+            more = f"kp {one.kp:.3g}" if one.kp > one.given else ""
+            said += f"; {' and '.join(filter(None, (wide, more)))} brings it to {one.stronger or 0.0:.3g} {one.unit}"
+        figures = {
+            "loops": list(names),
+            "told": one.told,
+            "reached": one.reached,
+            "short": abs(one.told - one.reached),
+            "unit": one.unit,
+            "by": one.suspect.said if one.suspect is not None else None,
+            "without": one.without,
+            "kp": one.kp,
+        }
+        yield found("A9", exam.file, said, element=one.servo.name, **figures)
+
+
+def slips(exam: Examination) -> Iterator[Finding]:
+    """C6: objects that a gripper lets go."""
+    for one in exam.slips:
+        said = (
+            f"{in_words(list(one.holders))} hold it and lose it at t = {one.time_s:.4g} s: it goes {one.way:.2g} m away"
+        )
+        said += f"; {one.cure} keeps it within {one.left:.2g} m" if one.cure else ""
+        figures = {"loops": list(one.equalities), "way": one.way, "time_s": one.time_s, "left": one.left}
+        severity: Severity | None = None if one.cure else "note"  # it may be told to open
+        yield found("C6", exam.file, said, element=one.body, severity=severity, **figures)
+
+
+def clipped(exam: Examination) -> Iterator[Finding]:
+    """A10: controls that MuJoCo cuts to the range of their actuator."""
+    for one in exam.clipped:
+        low, high = one.range
+        said = f'is given ctrl {one.asked:g}, and its ctrlrange="{low:g} {high:g}" cuts that to {one.used:g}'
+        said += f", {one.short:.3g} {one.unit} short" if one.unit else ""
+        said += f': write ctrlrange="{min(low, one.asked):g} {max(high, one.asked):g}", or ctrl within it'
+        groups = exam.pose.loops.groups if exam.pose is not None else ()
+        figures = {
+            "asked": one.asked,
+            "used": one.used,
+            "short": one.short,
+            "unit": one.unit,
+            "loops": [name for number in one.loops for name in groups[number].equalities],
+        }
+        severity: Severity | None = None if one.loops else "note"
+        yield found("A10", exam.file, said, element=one.actuator, severity=severity, **figures)
+
+
+def undriven(exam: Examination) -> Iterator[Finding]:
+    """A8: loops with more freedom than drives, that goes its own way."""
+    for one in exam.undriven:
+        names = (one.equality, *one.others)
+        if not (beyond_repair(exam) | starved(exam)).isdisjoint(names):
+            continue
+        loose = one.dof - one.driven
+        ways = [f"{quoted(name)} by {way:.2g} {unit}" for name, way, unit in one.joints]
+        weight = ", by its weight" if one.falls > HALF else ""
+        freedom = f"{one.dof} degree{'s' if one.dof > 1 else ''} of freedom"
+        if one.driven:
+            drives = (
+                f"{in_words(list(one.actuators))} {'drive' if one.actuators[1:] else 'drives'} {one.driven} of them"
+            )
+            other = f"the other {f'{loose} go their' if loose > 1 else 'goes its'} own way"
+        else:
+            drives, other = "no actuator drives it", "it goes its own way"
+        said = (
+            f"its loop has {freedom} and {drives}: {other}, {few(ways, last='and')} in all, and "
+            f"takes {quoted(one.body)} {one.way:.2g} m{weight}; "
+        )
+        joints = [quoted(spring.joint) for spring in one.springs] or [quoted(name) for name, *_ in one.joints]
+        if one.springs:
+            said += (
+                f"with {few([_spring(exam, spring) for spring in one.springs], last='and')} it goes {one.left:.2g} m; "
+            )
+            said += "or drive, or couple, "
+        else:
+            said += "drive, or couple, "
+        said += f"{'one of ' if not one.springs and joints[loose:] else ''}{few(joints, last='and')}"
+        figures = {
+            "also": list(one.others),
+            "dof": one.dof,
+            "driven": one.driven,
+            "joints": [name for name, *_ in one.joints],
+            "way": one.way,
+            "falls": one.falls,
+            "left": one.left,
+            "springs": [asdict(spring) for spring in one.springs],
+        }
+        yield found("A8", exam.file, said, element=one.equality, **figures)
+
+
+def _spring(exam: Examination, one: Spring) -> str:
+    said = f'stiffness="{one.stiffness:g}" damping="{one.damping:g}"'
+    if one.reference:
+        degrees = not one.slides and takes_degrees(exam.path)
+        said += f' springref="{np.degrees(one.reference) if degrees else one.reference:.4g}"'
+    return f"{said} on joint {quoted(one.joint)}"
+
+
+def _numbers(values: np.ndarray) -> str:
+    return " ".join(f"{0.0 if abs(value) < 5e-7 else value:.6g}" for value in values.tolist())

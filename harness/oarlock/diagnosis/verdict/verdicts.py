@@ -22,8 +22,7 @@ from oarlock.diagnosis.runs.parted import Parted
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
-from oarlock.diagnosis.runs.without import FINEST, PARTS
-from oarlock.diagnosis.verdict import blame, motions, ranks, unmoved
+from oarlock.diagnosis.verdict import blame, blown, motions, ranks, references, unmoved
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import named, priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
@@ -33,11 +32,6 @@ from oarlock.mechanics.names import element_name
 
 _PAIRS = 3
 """So many pairs of rows that say the same are named."""
-
-ROUNDS = 1e-9
-"""Relative, of a timestep."""
-
-_PARTS = {PARTS: "quarter", FINEST: "sixteenth"}
 
 _JOINT, _EQUALITY = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_EQUALITY
 
@@ -70,6 +64,11 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         motions.pace,
         motions.overdriven,
         unmoved.stuck,
+        unmoved.targets,
+        unmoved.undriven,
+        unmoved.missed,
+        unmoved.slips,
+        unmoved.clipped,
         blame.drift,
         motions.unfed,
         blame.energy,
@@ -87,7 +86,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
 
 # What is seen without a run.
 
-_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4", "C5"), "S7": ("S3", "S4")}
+_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4", "C5", "S2"), "S7": ("S3", "S4")}
 """Code of a remark → those of findings which say the same of its equality, only less of it, or what comes of it."""
 
 
@@ -250,7 +249,9 @@ def _start(exam: Examination) -> Iterator[Finding]:
     tilts = [f"the axis of {quoted(one.joint)} is tilted by {one.radians:.3g} rad" for one in pose.tilts]
     if not pose.closed:
         for culprit in pose.culprits:
-            said = "; ".join([culprit.of_first(), *tilts])
+            said = "; ".join([culprit.of_first(), *references.reachable(exam, culprit), *tilts])
+            if any(one.equality in culprit.equalities for one in exam.targets):
+                continue  # S8
             yield found("S2", file, said, element=culprit.equalities[0], gap=max(o.largest for o in culprit.openings))
         if not pose.culprits:
             worst = max(pose.left, key=lambda one: one.largest)
@@ -273,7 +274,7 @@ def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
         more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g}{_unit(exam, pose)}")
     if pose.outside:
         more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
-    one = opened.of(pose.openings, pose.speeds, [*more, *_as_it_starts(exam)])
+    one = opened.of(pose.openings, pose.speeds, [*more, *_as_it_starts(exam), *references.closing(exam)])
     figures = {**one.figures, "moved": pose.moved}
     severity = "note" if one.element in _offsets(exam) else one.severity
     return found("S1", exam.file, one.line, element=one.element, severity=severity, **figures)
@@ -339,7 +340,7 @@ def _run(exam: Examination) -> Iterator[Finding]:
     if recording is None:
         return
     if recording.end.how == "diverged":
-        said = "; ".join([recording.end.message, *_lasts_finer(exam)])
+        said = "; ".join([recording.end.message, *blown.reasons(exam)])
         yield found("R1", exam.file, said, time_s=recording.end.time_s)
     if astray := recording.astray:
         yield found("R3", exam.file, astray, strayed=recording.strayed)
@@ -351,20 +352,6 @@ def _run(exam: Examination) -> Iterator[Finding]:
             said += "; noslip changes MuJoCo's forces after its solver, and not those of the exact solution"
         yield found("R2", exam.file, said, first_s=first, last_s=last)
     yield from _fights(exam)
-
-
-def _lasts_finer(exam: Examination) -> Iterator[str]:
-    """What shorter steps make of a run that diverges."""
-    for one in exam.without:
-        if one.cause == "stepping" and one.left:
-            worst = max(one.left.values(), key=lambda opening: opening.largest)
-            shorter, recipe = exam.timestep_s / one.parts, exam.recipe
-            said = f"with a timestep of {shorter:g} s, a {_PARTS[one.parts]} of it, it stays finite"
-            # Stiffer rows hold it with no shorter steps than that.
-            chosen = recipe.chosen if recipe is not None and recipe.chosen.drift <= exam.target else None
-            soft = chosen is not None and chosen.setting.timestep_s >= (1.0 - ROUNDS) * shorter
-            softly = ", for it is too soft as well" if soft and worst.largest > exam.target else ""
-            yield f"{said}, and {quoted(worst.equality)} opens by {worst}{softly}"
 
 
 def _pushes(pushes: tuple[Push, ...]) -> str:

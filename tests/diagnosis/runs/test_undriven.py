@@ -1,0 +1,105 @@
+"""Loops with more freedom than drives, beside plain MuJoCo with the spring that is named."""
+
+import mujoco
+import numpy as np
+import oarlock
+import pytest
+
+FIVE = """<mujoco><compiler angle="radian"/><option timestep="0.001"/>
+  <default><geom type="capsule" size="0.01" contype="0" conaffinity="0" density="1200"/>
+    <joint axis="0 1 0" damping="0.01"/></default><worldbody>
+  <body name="l1" pos="-0.06 0 0"><joint name="q1"/><geom fromto="0 0 0 -0.08 0 0.12"/>
+    <body name="l2" pos="-0.08 0 0.12"><joint name="q2"/><geom fromto="0 0 0 0.14 0 0.15"/></body></body>
+  <body name="r1" pos="0.06 0 0"><joint name="q3" {spring}/><geom fromto="0 0 0 0.08 0 0.12"/>
+    <body name="r2" pos="0.08 0 0.12"><joint name="q4"/><geom fromto="0 0 0 -0.14 0 0.15"/></body></body></worldbody>
+  <equality><connect name="tip" body1="l2" body2="r2" anchor="0.14 0 0.15"/>{more}</equality>
+  <actuator><position name="left" joint="q1" kp="20" kv="0.2"/>{second}</actuator>
+  <keyframe><key name="home" ctrl="{ctrl}"/></keyframe></mujoco>"""
+
+PASSIVE = """<mujoco><option timestep="0.001"/>
+  <default><geom type="capsule" size="0.01" contype="0" conaffinity="0"/><joint axis="0 1 0" damping="0.005"/></default>
+  <worldbody>{legs}</worldbody><equality>{pins}</equality>
+  <actuator><position name="drive" joint="a_crank" kp="20" kv="0.2"/></actuator>
+  <keyframe><key name="k" ctrl="0.2"/></keyframe></mujoco>"""
+
+
+def five(spring: str = "", more: str = "", second: str = "", ctrl: str = "0") -> str:
+    return FIVE.format(spring=spring, more=more, second=second, ctrl=ctrl)
+
+
+def bars(name: str, x: float) -> str:
+    return f"""<body name="{name}crank" pos="{x} 0 0"><joint name="{name}_crank"/>
+      <geom fromto="0 0 0 0.05 0 0.1"/>
+      <body name="{name}rod" pos="0.05 0 0.1"><joint name="{name}_rod"/><geom fromto="0 0 0 0.1 0 0"/></body></body>
+      <body name="{name}rocker" pos="{x + 0.1} 0 0"><joint name="{name}_rocker"/>
+      <geom fromto="0 0 0 0.05 0 0.1"/></body>"""
+
+
+def undriven(text: str, tmp_path):
+    file = tmp_path / "m.xml"
+    file.write_text(text)
+    checked = oarlock.check(file, budget=0)
+    return next((one for one in checked.verdict if one.code == "A8"), None), checked.answer
+
+
+def way(text: str) -> float:
+    """How far the tip goes in 2 s of plain MuJoCo."""
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    start, most = data.xipos.copy(), 0.0
+    for _ in range(2000):
+        mujoco.mj_step(model, data)
+        most = max(most, float(np.linalg.norm(data.xipos - start, axis=1).max()))
+    return most
+
+
+def test_a_five_bar_with_one_motor_falls_and_the_spring_that_is_named_keeps_it(tmp_path):
+    one, answer = undriven(five(), tmp_path)
+    assert one.element == "tip"
+    assert (one.figures["dof"], one.figures["driven"]) == (2, 1)
+    assert "drives 1 of them" in answer
+    (spring,) = one.figures["springs"]
+    assert spring["joint"] == "q3"
+    written = f'stiffness="{spring["stiffness"]:g}" damping="{spring["damping"] + 0.01:g}"'
+    assert way(five(spring=written)) < 0.5 * way(five())
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"second": '<position name="right" joint="q3" kp="20" kv="0.2"/>', "ctrl": "0 0"},
+        {"more": '<joint name="mirror" joint1="q3" joint2="q1" polycoef="0 -1 0 0 0"/>'},
+        {"spring": 'stiffness="20"'},
+    ],
+)
+def test_what_is_driven_coupled_or_sprung_is_not_named(given, tmp_path):
+    assert undriven(five(**given), tmp_path)[0] is None
+
+
+def test_a_loop_that_nothing_drives_beside_one_that_is_driven(tmp_path):
+    legs, pins = bars("a", 0.0) + bars("b", 0.4), ""
+    for name in "ab":
+        pins += f'<connect name="{name}_pin" body1="{name}rod" body2="{name}rocker" anchor="0.1 0 0"/>'
+    one, answer = undriven(PASSIVE.format(legs=legs, pins=pins), tmp_path)
+    assert one.element == "b_pin"
+    assert one.figures["driven"] == 0
+    assert "no actuator drives it" in answer
+
+
+def test_a_rod_that_turns_about_itself_is_not_named(tmp_path):
+    text = five(second='<position name="right" joint="q3" kp="20" kv="0.2"/>', ctrl="0 0")
+    spun = text.replace('<joint name="q4"/>', '<joint name="q4"/><joint name="spin" axis="-0.14 0 0.15" damping="0"/>')
+    assert undriven(spun, tmp_path)[0] is None
+
+
+def test_a_pendulum_on_a_string_is_not_named(tmp_path):
+    text = """<mujoco><worldbody><site name="hook" pos="0 0 1"/>
+      <body name="bob" pos="0.2 0 0.6"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+        <geom size="0.02" mass="1"/><site name="bob"/></body>
+      <body name="arm" pos="1 0 1"><joint name="arm" axis="0 1 0"/><geom size="0.02" pos="0.1 0 0" mass="1"/></body>
+      </worldbody><tendon><spatial name="s"><site site="hook"/><site site="bob"/></spatial></tendon>
+      <equality><tendon name="string" tendon1="s"/></equality>
+      <actuator><position joint="arm" kp="100" kv="5"/></actuator></mujoco>"""
+    assert undriven(text, tmp_path)[0] is None
