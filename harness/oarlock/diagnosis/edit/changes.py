@@ -18,7 +18,7 @@ from oarlock.mechanics.names import element_name, equalities
 NORMALISED = 1e-15
 """MuJoCo normalises the quaternions of keyframes and welds once more."""
 
-_BODY, _KEY = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_KEY
+_BODY, _KEY, _JOINT = mujoco.mjtObj.mjOBJ_BODY, mujoco.mjtObj.mjOBJ_KEY, mujoco.mjtObj.mjOBJ_JOINT
 
 
 class Change(Protocol):
@@ -247,6 +247,64 @@ class RelativePose(Constants):
         mujoco.mju_normalize4(wanted[3:])
         if np.abs(there - wanted).max() > NORMALISED:
             raise InputError("another relative pose of a weld, expected the one that was given")
+
+
+@dataclass(frozen=True)
+class Armature:
+    """The inertia that the drives of some joints, given by their numbers, add to each of them, kg m² or kg."""
+
+    joints: tuple[int, ...]
+    value: float
+    fields: tuple[str, ...] = ("dof_", "body_invweight0", "tendon_invweight0", "actuator_acc0", "stat")
+
+    def edit(self, editors: Mapping[Document, Editor], document: Document, model: mujoco.MjModel) -> None:
+        """Sets the attribute of each joint."""
+        for joint in self.joints:
+            name = mujoco.mj_id2name(model, _JOINT, joint)
+            own = [place for place in document.everything() if place.element.tag == "joint" and name]
+            own = [
+                place for place in own if place.element.get("name") == name and "joint" not in place.element.attributes
+            ]
+            if len(own) != 1:
+                said = element_name(model, _JOINT, joint)
+                raise InputError(f"joint '{said}' does not stand alone in the file, expected one with a name there")
+            editors[document].set(own[0], {"armature": exact(self.value)})
+
+    def apply(self, model: mujoco.MjModel) -> None:
+        """Sets it, and what MuJoCo computes of it when it compiles a model."""
+        constants = model.eq_data.copy()
+        for joint in self.joints:
+            model.dof_armature[model.jnt_dofadr[joint]] = self.value
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        model.eq_data[:] = constants
+
+    def require(self, model: mujoco.MjModel) -> None:
+        """Looks at each joint."""
+        if any(model.dof_armature[model.jnt_dofadr[joint]] != self.value for joint in self.joints):
+            raise InputError("another armature of a joint, expected the one that was given")
+
+
+@dataclass(frozen=True)
+class Switched:
+    """An equality, given by its number, that is switched on."""
+
+    equality: int
+    fields: tuple[str, ...] = ()
+
+    def edit(self, editors: Mapping[Document, Editor], document: Document, model: mujoco.MjModel) -> None:
+        """Sets the attribute."""
+        place = equality_place(document, model, self.equality)
+        if place is None:
+            name = equalities(model)[self.equality].name
+            raise InputError(f"equality '{name}' is a copy of one in the file, expected one that stands there alone")
+        editors[document].set(place, {"active": "true"})
+
+    def apply(self, model: mujoco.MjModel) -> None:
+        """Switches it on."""
+        model.eq_active0[self.equality] = 1
+
+    def require(self, model: mujoco.MjModel) -> None:
+        """All of it is set by ``apply``."""
 
 
 _KEPT = ("time", "act", "ctrl", "mpos", "mquat")

@@ -10,13 +10,14 @@ import numpy as np
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.diagnosis.beginning import begin
-from oarlock.diagnosis.edit.changes import Change, Constants, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Armature, Change, Constants, Exclusion, Keyframe, Settings, Switched
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial
 from oarlock.mechanics.flexes import flex_equalities
 from oarlock.mechanics.load import collected_warnings, load_model
+from oarlock.poses.layout import Layout
 
 SEEDS = (11, 12)
 """Of the random controls that a fix is tried under besides the user's."""
@@ -58,7 +59,7 @@ class Bench:
         return Setting.authored(load_model(self.base.path))
 
     def model(self, changes: Sequence[Change]) -> mujoco.MjModel:
-        """The model with the exclusions and constants among changes."""
+        """The model with the exclusions, constants and what else its arrays have room for among changes."""
         pairs = tuple(change for change in changes if isinstance(change, Exclusion))
         laws = _constants(changes)
         if (*pairs, *laws) not in self._models:
@@ -147,12 +148,17 @@ class Bench:
 
     @property
     def seeds(self) -> tuple[int, ...]:
-        """Of other controls; none where there are no actuators."""
-        return SEEDS if self.base.model.nu else ()
+        """Of other controls; none where there are no actuators, or nothing counts that they could open."""
+        return SEEDS if self.base.model.nu and self.counts else ()
+
+    @property
+    def counts(self) -> bool:
+        """Whether an equality of the file is active."""
+        return bool(Layout.of(self.base.model).equalities)
 
 
-def _constants(changes: Sequence[Change]) -> tuple[Constants, ...]:
-    return tuple(change for change in changes if isinstance(change, Constants))
+def _constants(changes: Sequence[Change]) -> tuple[Constants | Armature | Switched, ...]:
+    return tuple(change for change in changes if isinstance(change, Constants | Armature | Switched))
 
 
 def _named(spec: mujoco.MjSpec, body: int) -> str:

@@ -7,15 +7,19 @@ import mujoco
 import numpy as np
 
 from oarlock.base.text import quoted
-from oarlock.diagnosis.edit.changes import Change, Constants, Exclusion, Keyframe, numbers
+from oarlock.diagnosis.edit.changes import Armature, Change, Constants, Exclusion, Keyframe, Switched, numbers
 from oarlock.diagnosis.edit.keyframe import new_name, source_key
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.loops.poses import ClosedPose
+from oarlock.diagnosis.runs.parted import Parted
 from oarlock.diagnosis.runs.trials import Trial
-from oarlock.mechanics.names import Equality
+from oarlock.mechanics import controls
+from oarlock.mechanics.names import Equality, element_name, equalities
 from oarlock.stepping.closing import CONSISTENT
+
+_JOINT = mujoco.mjtObj.mjOBJ_JOINT
 
 UNMET = "no pose near the start meets it as it is written, inside of all ranges"
 """What speaks for other constants than those that are written."""
@@ -63,6 +67,30 @@ def freeing(exam: Examination) -> Iterator[tuple[Exclusion, str]]:
             said = f"whose contact holds {quoted(late.servo.name)} at {late.reached:.3g} {late.unit}"
             said += f" of {late.told:.3g}, {one.without:.3g} without it"
             yield Exclusion(each.bodies[0], each.bodies[1]), said
+
+
+def switched(exam: Examination) -> Iterator[tuple[Switched, Parted]]:
+    """Equalities that are switched off, whose sides part, and which hold where they are on."""
+    for one in exam.parted:
+        if one.held is not None and one.held.largest < one.opening.largest:
+            own = [other for other in equalities(exam.model) if other.name == one.equality]
+            yield Switched(own[0].index), one
+
+
+def armatures(exam: Examination) -> Iterator[tuple[Armature, str]]:
+    """What drives lack by what findings name, with the reason: of servos that shake, and of soft couplings."""
+    model = exam.model
+    for remark in exam.remarks.get("servo", []):
+        value = remark.figures.get("armature")
+        if value and remark.severity != "note":
+            actuator = controls.actuators(model).index(remark.element)
+            joint = int(model.actuator_trnid[actuator, 0])
+            total = float(f"{value + model.dof_armature[model.jnt_dofadr[joint]]:.2g}")
+            yield Armature((joint,), total), f"which servo {quoted(remark.element)} is too stiff for"
+    if exam.rotors is not None:
+        names = [element_name(model, _JOINT, joint) for joint in range(model.njnt)]
+        joints = tuple(names.index(name) for name in exam.rotors.joints)
+        yield Armature(joints, exam.rotors.armature), "whose single inertia makes their couplings soft"
 
 
 def closed_keyframe(bench: Bench, changes: Sequence[Change] = ()) -> Keyframe | None:

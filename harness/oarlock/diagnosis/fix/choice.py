@@ -19,6 +19,7 @@ class Choice:
         effects: of each, a run without it and one with it: of settings with all others, of others before the settings.
         collisions: of exclusions; freeing: of those without which a servo does not move, why.
         offsets: of constants.
+        reasons: of armatures and of equalities that are switched on, in words.
         pose: the closed one, with these constants.
         before: the file as it is; after: with all changes; both under the user's controls from the file's own start.
         elsewhere: with all changes under random controls.
@@ -33,6 +34,7 @@ class Choice:
     collisions: dict[int, Collision] = field(default_factory=dict)
     freeing: dict[int, str] = field(default_factory=dict)
     offsets: dict[int, Offset] = field(default_factory=dict)
+    reasons: dict[int, str] = field(default_factory=dict)
     pose: ClosedPose | None = None
     elsewhere: list[Trial] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)

@@ -5,19 +5,32 @@ from dataclasses import replace
 
 from oarlock.base.errors import few
 from oarlock.base.text import called, quoted
-from oarlock.diagnosis.edit.changes import Change, Coefficients, Constants, Exclusion, Keyframe, RelativePose, Settings
+from oarlock.diagnosis.edit.changes import (
+    Armature,
+    Change,
+    Coefficients,
+    Constants,
+    Exclusion,
+    Keyframe,
+    RelativePose,
+    Settings,
+    Switched,
+)
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.verdict.answer import BEYOND
 from oarlock.diagnosis.verdict.cost import named
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.mechanics.names import equalities
+from oarlock.mechanics.servos import servos
 
 CLAIMS = {
     Keyframe: ("S1",),
     Coefficients: ("S1", "S4", "A2"),
     RelativePose: ("S1", "S2", "S4", "S7"),
     Exclusion: ("C4",),
-    Settings: ("D1", "D2", "D3", "D4", "D5", "D6", "T2"),
+    Armature: ("A1",),
+    Switched: ("L6", "L1"),
+    Settings: ("D1", "D2", "D3", "D4", "D5", "D6", "T2", "A4"),
 }
 """Kind of change → codes of findings that it is to mend; constants those of their own equality."""
 
@@ -41,9 +54,19 @@ def claims(bench: Bench, change: Change, finding: Finding) -> bool:
     """Whether a change is to mend a finding."""
     if finding.code not in CLAIMS.get(type(change), ()):
         return False
+    if isinstance(change, Armature):
+        return finding.element in _driven(bench, change)
+    if isinstance(change, Switched):
+        return finding.code == "L1" or finding.element == equalities(bench.base.model)[change.equality].name
     if isinstance(change, Constants):
         return any(one.index == change.equality and one.name == finding.element for one in equalities(bench.base.model))
     return True
+
+
+def _driven(bench: Bench, change: Armature) -> set[str]:
+    """The servos on the joints of an armature."""
+    model = bench.base.model
+    return {one.name for one in servos(model) if one.joint in change.joints}
 
 
 def standing(left: Sequence[Finding]) -> list[Finding]:

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import mujoco
 
-from oarlock.base.errors import InputError
+from oarlock.base.errors import InputError, few
 from oarlock.base.text import quoted
-from oarlock.diagnosis.edit.changes import Change, Constants, Exclusion, Keyframe, Settings
+from oarlock.diagnosis.edit.changes import Armature, Change, Constants, Exclusion, Keyframe, Settings, Switched
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.edit.keyframe import new_name
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.candidates import closed_keyframe, exclusions, freeing
+from oarlock.diagnosis.fix.candidates import armatures, closed_keyframe, exclusions, freeing, switched
 from oarlock.diagnosis.fix.choice import Choice
 from oarlock.diagnosis.fix.offsets import choose_offsets
 from oarlock.diagnosis.fix.relposes import choose_relposes
@@ -34,13 +34,20 @@ def choose_changes(bench: Bench) -> Choice:
         InputError: as of the runs.
     """
     exam, target = bench.exam, bench.target
-    before = bench.run([])
+    on = dict(switched(exam))
+    if not bench.counts and not on:
+        raise InputError("no equality is active, and none of them is one to switch on: there is no loop to fix")
+    before = bench.run([] if bench.counts else list(on))
+    if not bench.counts:  # what holds nothing opens as far as its sides part
+        widest = max((one.opening for one in on.values()), key=lambda one: one.largest)
+        before = replace(before, drift=widest.largest)
     found = Choice(before, before)
+    found.reasons = {id(change): f"whose sides part by {one.opening}" for change, one in on.items()}
     offsets, found.left_out = choose_offsets(bench)
     relposes, said = choose_relposes(bench, [one.change for one in offsets])
     offsets, found.left_out = [*offsets, *relposes], [*found.left_out, *said]
     found.offsets = {id(one.change): one for one in offsets}
-    wanted: list[Change] = [one.change for one in offsets]
+    wanted: list[Change] = [*on, *(one.change for one in offsets)]
     found.pose = bench.pose(wanted)
     if (closed := closed_keyframe(bench, wanted)) is not None:
         wanted.append(closed)
@@ -51,10 +58,13 @@ def choose_changes(bench: Bench) -> Choice:
         if exclusion not in wanted:
             wanted.append(exclusion)
             found.freeing[id(exclusion)] = said
+    for armature, said in armatures(exam):
+        wanted.append(armature)
+        found.reasons[id(armature)] = said
     changes = [change for one in wanted if (change := _with_room(bench, one, found))]
     _settle(bench, found, changes)
     for change in list(changes):  # at the author's settings: stiff ones hide what a collision does
-        if isinstance(change, Constants):  # which was tried, and which the closed pose hangs on
+        if isinstance(change, Constants | Switched):  # which was tried, and which the closed pose hangs on
             continue
         if id(change) in found.freeing:  # which was tried, and moves what stood still: no gap measures that
             continue
@@ -62,6 +72,8 @@ def choose_changes(bench: Bench) -> Choice:
         with_it, without = bench.run(changes), bench.run(rest)
         if isinstance(change, Keyframe):
             idle = without.opening <= target and not _better(with_it, without)
+        elif isinstance(change, Armature):
+            idle = not _better(with_it, without) or not math.isfinite(with_it.drift)
         else:
             idle = _worse(with_it, without)
         if idle:
@@ -70,7 +82,11 @@ def choose_changes(bench: Bench) -> Choice:
     if changes != found.changes:
         _settle(bench, found, changes)
     for change in changes:
-        found.effects[id(change)] = _effect(bench, [one for one in changes if one is not change], changes)
+        rest = [one for one in changes if one is not change]
+        if isinstance(change, Switched):  # how far its sides part is no figure of a run without it
+            found.effects[id(change)] = before, bench.run(changes)
+        else:
+            found.effects[id(change)] = _effect(bench, rest, changes)
     settings = _settings(bench, found, changes, target) or _asked_for(bench)
     if settings is not None:
         found.effects[id(settings)] = _effect(bench, changes, [*changes, settings])
@@ -202,6 +218,11 @@ def described(bench: Bench, change: Change, found: Choice) -> str:
     if isinstance(change, Constants):
         offset = found.offsets[id(change)]
         return f"{offset}, for {offset.why}"
+    if isinstance(change, Armature):
+        joints = few([quoted(element_name(base.model, mujoco.mjtObj.mjOBJ_JOINT, joint)) for joint in change.joints])
+        return f'armature "{change.value:g}" of joint {joints}, {found.reasons[id(change)]}'
+    if isinstance(change, Switched):
+        return f'active "true" of {quoted(equalities(base.model)[change.equality].name)}, {found.reasons[id(change)]}'
     if isinstance(change, Settings):
         return _settings_in_words(bench, change)
     return type(change).__name__
