@@ -161,10 +161,13 @@ def _run(found: Examination) -> None:
         found.pace = find_pace(found.recording, found.exact, found.pose.loops, TORN * found.size)
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
-            found.undriven = find_undriven(found.recording, loops, found.pose.mobility, found.size)
+            with _Reason(found, "undriven"):
+                found.undriven = find_undriven(found.recording, loops, found.pose.mobility, found.size)
             found.stuck = find_stuck(found.recording, loops, found.size, partial(takes_degrees, found.path))
-            symptoms.missed(found)
-            found.slips = find_slips(found.recording, loops)
+            with _Reason(found, "missed"):
+                symptoms.missed(found)
+            with _Reason(found, "slips"):
+                found.slips = find_slips(found.recording, loops)
             dead = find_dead_point(found.recording, found.exact, loops, found.size, symptoms.start_of(found))
             stuck = {name for one in found.pose.mobility if one.locked for name in one.equalities}
             # What is locked (S3) never leaves its start, and comes to no dead point.

@@ -103,3 +103,14 @@ def test_a_pendulum_on_a_string_is_not_named(tmp_path):
       <equality><tendon name="string" tendon1="s"/></equality>
       <actuator><position joint="arm" kp="100" kv="5"/></actuator></mujoco>"""
     assert undriven(text, tmp_path)[0] is None
+
+
+def test_a_flex_beside_the_loop_is_left_alone(tmp_path):
+    cloth = """<flexcomp name="cloth" type="grid" count="3 3 1" spacing="0.05 0.05 0.05" pos="1 0 1" mass="0.1">
+      <edge equality="true"/><contact selfcollide="none" contype="0" conaffinity="0"/></flexcomp>"""
+    text = five().replace("</worldbody>", f"{cloth}</worldbody>")
+    text = text.replace('<key name="home" ctrl="0"/>', "").replace(' damping="0.01"', "", 1)
+    file = tmp_path / "flex.xml"
+    file.write_text(text)
+    checked = oarlock.check(file, controls="constant", budget=0, duration=1.0)
+    assert "A8" in {one.code for one in checked.verdict}

@@ -138,7 +138,9 @@ class _Group:
     def __init__(self, recording: Recording, loops: Loops, number: int, dof: int):
         self.model = recording.model
         self.dofs, self.members, self.dof = loops.dofs(number), loops.members(number), dof
-        self._assembly = Assembly(self.model, recording.restart(self.model))
+        data = recording.restart(self.model)
+        recording.layout.activate(data)  # a flex is left as MuJoCo has it
+        self._assembly = Assembly(self.model, data)
         self._free = len(self.dofs) - dof
         motions, drives = self.at(loops.qpos)
         sizes = np.linalg.svd(drives @ motions.T, compute_uv=False)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from oarlock.diagnosis.examination import Examination
 from oarlock.diagnosis.loops.gaps import Culprits
+from oarlock.diagnosis.symptoms import start_of
 from oarlock.mechanics.coupled import coupled_ids
 from oarlock.mechanics.names import equalities
 from oarlock.poses.assembly import Assembly
@@ -37,7 +38,7 @@ def reachable(exam: Examination, culprit: Culprits) -> Iterator[str]:
     own = [one for one in equalities(model) if one.name == culprit.equalities[0]]
     if pose is None or not culprit.alone or not own or own[0].kind.holds not in ("joints", "tendons"):
         return
-    assembly = Assembly(model)
+    assembly = Assembly(model, start_of(exam))
     if own[0].index not in [one.index for one in assembly.equalities]:
         return
     assembly.place(pose.qpos)
