@@ -32,6 +32,14 @@ def gradient(model: mujoco.MjModel, data: mujoco.MjData, qacc: np.ndarray, qfrc:
     return float(left / whole if whole > 0.0 else left)
 
 
+def errs(model: mujoco.MjModel, qpos: np.ndarray, qvel: np.ndarray) -> bool:
+    """Whether MuJoCo's answer at a state is no minimum to rounding."""
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_forward(model, data)
+    return not gradient(model, data, data.qacc, data.qfrc_constraint) <= ROUNDING
+
+
 def forward(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """``mj_forward``, and ``confirm``."""
     mujoco.mj_forward(model, data)
