@@ -52,6 +52,32 @@ def four_bar(*, joint: str = "", rocker: str = "", pivot: str = "0.7 0 0", body:
 </mujoco>"""
 
 
+GROUPED = """
+<mujoco>
+  <option timestep="0.002" jacobian="sparse"/>
+  <default><geom size=".1" mass="1" contype="0" conaffinity="0"/><joint axis="0 1 0"/></default>
+  <worldbody>
+    <body pos=".1 0 -.1"><joint/><geom/>
+      <body pos=".2 0 -.4"><joint/><geom/>
+        <body pos=".3 0 -.3"><joint/><geom/>
+          <body pos=".2 0 -.1"><joint/><geom/></body>
+          <body name="a" pos=".2 0 -.2"><joint/><geom/></body>
+        </body>
+        <body name="b" pos=".3 0 -.1"><joint/><geom/></body>
+      </body>
+      <body name="c" pos=".1 0 -.2"><joint/><geom/><body pos=".3 0 -.4"><joint/><geom/></body></body>
+      <body name="d" pos=".1 0 -.3"><joint/><geom/></body>
+    </body>
+  </worldbody>
+  <equality>
+    <connect body1="a" body2="d" anchor=".01 0 .05"/>
+    <connect body1="c" body2="b" anchor=".02 0 .05"/>
+    <connect body1="b" body2="a" anchor=".03 0 .05"/>
+  </equality>
+</mujoco>"""
+"""Three loops of nine hinges, closed in their rest pose, of which Newton of MuJoCo 4.0.0 uses a wrong factor."""
+
+
 def gripper(*, cone: str = "elliptic", condim: int = 3, option: str = "", flags: str = "") -> str:
     """A planar gripper of two four-bars and a mimic joint, which closes on a block that stands aside on a table.
 

@@ -387,11 +387,13 @@ class Setup:
         conserved: bool,
         inequalities: bool,
         snapshots: list[int],
+        doubted: bool = False,
     ) -> Setup:
         """Of an ``MjModel``: positions (nq), velocities (nv), laws of actuators by number, Baumgarte's 1/s and 1/s².
 
-        Besides what to note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies, and
-        the steps whose states are kept whole.
+        Besides what to note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies,
+        the steps whose states are kept whole, and whether MuJoCo's answers are held against the minimum that they
+        should be.
 
         Raises:
             InputError: no model, shapes, or no such actuator, entry or site.

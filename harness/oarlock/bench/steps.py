@@ -114,11 +114,13 @@ class Track:
             **self._many(f"{RUNS} runs of {BARE}", self._bare()),
         }
 
-    def _setup(self, jacobian: mujoco.mjtJacobian = _JACOBIANS["dense"], islands: bool = True) -> PreparedCase:
+    def _setup(self, jacobian: mujoco.mjtJacobian | None = None, islands: bool = True) -> PreparedCase:
+        """What walks; its Jacobian as a run has it, if nothing is said."""
         setup = self._laboratory.setup("euler")
         if self._start is not None:
             setup.qpos, setup.qvel = self._start(setup.model)
-        setup.model.opt.jacobian = jacobian
+        if jacobian is not None:
+            setup.model.opt.jacobian = jacobian
         if not islands:
             set_islands(setup.model, False)
         return setup

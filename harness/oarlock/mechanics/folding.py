@@ -94,12 +94,13 @@ def _first_alike(unit: np.ndarray) -> np.ndarray:
     before, after = order[:-1][near], order[1:][near]
     alike = np.zeros(len(near), dtype=bool)
     alike[near] = _multiples(unit[before], unit[after])
-    runs = np.split(np.arange(len(order)), np.flatnonzero(~near) + 1)
-    for run in (run for run in runs if len(run) > 1):
-        members = np.sort(order[run])
-        if alike[run[:-1]].all():
-            first[members] = members[0]
-            continue
+    starts = np.append(0, np.flatnonzero(~near) + 1)
+    ends = np.append(starts[1:], len(order))
+    first[order] = np.repeat(np.minimum.reduceat(order, starts), ends - starts)
+    several = np.add.reduceat(np.append(near & ~alike, False).astype(int), starts) > 0
+    for start, end in zip(starts[several], ends[several], strict=True):
+        members = np.sort(order[start:end])
+        first[members] = members
         for at, one in enumerate(members):  # several classes of one number
             others = members[at + 1 :][first[members[at + 1 :]] == members[at + 1 :]]
             if first[one] == one:

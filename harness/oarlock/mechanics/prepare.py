@@ -7,9 +7,11 @@ import mujoco
 from oarlock.cases.case import Case
 from oarlock.cases.case_file import Settings
 from oarlock.cases.integrators import INTEGRATORS, Integrator, IntegratorName
-from oarlock.mechanics.engine_version import SPARSE_NEWTON_ERRS, set_islands
+from oarlock.mechanics.engine_version import set_islands
+from oarlock.mechanics.inequalities import may_act
 from oarlock.mechanics.limits import require_timestep
 from oarlock.mechanics.load import load_model
+from oarlock.mechanics.newton import is_doubtful
 
 _NUMBERS = {
     name: int(getattr(mujoco.mjtIntegrator, one.mjt))
@@ -46,21 +48,21 @@ def prepare(
     """Sets what a run asks for, in place, and gives the model back.
 
     Autoreset is switched off: after a NaN it would put the time back to 0. The Jacobian is dense where Newton can use a
-    wrong factor of a sparse one.
+    wrong factor of a sparse one and limits, friction or contacts may act: its answer is no minimum to rounding then.
 
     Raises:
         InputError: the timestep is not a positive number.
     """
     settings = settings or Settings()
     set_integrator(model, integrator)
-    if SPARSE_NEWTON_ERRS:
-        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if timestep_s is not None:
         model.opt.timestep = timestep_s
     require_timestep(model.opt.timestep)
     if settings.solver is not None:
         model.opt.solver = SOLVERS[settings.solver]
+    if is_doubtful(model) and may_act(model):
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     if settings.solref is not None:
         model.eq_solref[:] = settings.solref
     if settings.solimp is not None:

@@ -9,7 +9,8 @@ import numpy as np
 from oarlock.base.arrays import largest, relative_difference
 from oarlock.base.core import Info
 from oarlock.base.numbers import finite
-from oarlock.base.vectors import norm, times
+from oarlock.base.vectors import times
+from oarlock.mechanics import newton
 from oarlock.stepping.inequalities import Inequalities, Push, Rows
 from oarlock.stepping.prepared import Prepared
 from oarlock.stepping.projection import Projector
@@ -126,10 +127,7 @@ def gradient(state: State, qacc: np.ndarray, qfrc: np.ndarray) -> Row:
     """How far MuJoCo's answer (nv) is from the minimum that it is after: ‖M a − f − Jᵀ λ‖ over ‖f‖ + ‖Jᵀ λ‖."""
     if state.others is None:
         return {}
-    data, product = state.data, np.zeros(state.model.nv)
-    mujoco.mj_mulM(state.model, data, product, qacc)
-    left, whole = norm(product - data.qfrc_smooth - qfrc), norm(data.qfrc_smooth) + norm(qfrc)
-    return {"mujoco_optimality": float(left / whole if whole > 0.0 else left)}
+    return {"mujoco_optimality": newton.gradient(state.model, state.data, qacc, qfrc)}
 
 
 def projecting(projector: Projector | None) -> Row:

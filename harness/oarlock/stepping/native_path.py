@@ -14,6 +14,7 @@ import polars as pl
 from oarlock.base import core
 from oarlock.base.errors import InputError, RefusedError, one_line
 from oarlock.cases.case_file import Baumgarte, Form
+from oarlock.mechanics.newton import is_doubtful
 from oarlock.stepping.ending import Ending
 from oarlock.stepping.layout import disagreement, known_layout
 from oarlock.stepping.path import SOLVER_BESIDE, SPOOLS, TICK_STEPS, Make, Spools, Tables, Tick, silent
@@ -99,6 +100,7 @@ class NativePath:
             conserved=prepared.conserves_energy,
             inequalities=prepared.has_inequalities,
             snapshots=prepared.published.steps,
+            doubted=is_doubtful(prepared.model),
         )
 
     def calibration(self) -> Tables:

@@ -4,6 +4,7 @@ A row is written when it is seen: begun at the start of a step, where state, que
 completed once the step is taken.
 """
 
+import copy
 import math
 import time
 from collections.abc import Callable
@@ -330,8 +331,8 @@ class Lockstep:
         state = self._state
         if self._moving is not None:
             self._moving.begin(state.data)
+        qacc, qfrc = self.walker.mujoco_answer()  # first: it may make the rows anew
         state.read()
-        qacc, qfrc = self.walker.mujoco_answer()
         theirs = gradient(state, qacc, qfrc)
         rows = []
         for question, solvers in self._asked:
@@ -365,8 +366,9 @@ class OneStep:
     def __init__(self, prepared: Prepared, terms: Baumgarte, asked: list[tuple[Form, MultiplierSolver]]):
         self._prepared = prepared
         self.walker = own_walker(prepared.model, prepared.data(), prepared.drive, prepared.states)
-        self._data = prepared.data()
-        model, drive, moving = prepared.model, prepared.drive, Moving.of(prepared.model, prepared.drive)
+        model = copy.copy(prepared.model)  # MuJoCo's own steps may change theirs: see newton.confirm
+        self._data = prepared.data(model)
+        drive, moving = prepared.drive, Moving.of(model, prepared.drive)
         self._state = State(model, self._data, terms, moving)
         forces = [SolvedForce(self._state, form, solver) for form, solver in asked]
         self._ours = [

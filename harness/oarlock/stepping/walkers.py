@@ -16,6 +16,7 @@ from oarlock.base.errors import InputError
 from oarlock.base.vectors import Vector, cross, dot, plus, scaled
 from oarlock.mechanics.bounds import bounded
 from oarlock.mechanics.drive import Drive
+from oarlock.mechanics.newton import confirm, forward
 from oarlock.mechanics.prepare import integrator_of
 from oarlock.stepping.moving import Moving
 from oarlock.stepping.projection import Projector, gap
@@ -99,7 +100,7 @@ class MujocoWalker:
         """mj_forward: everything that mj_step would compute first."""
         if self._drive is not None:
             self._drive.apply(self.data)
-        mujoco.mj_forward(self.model, self.data)
+        forward(self.model, self.data)
 
     def step(self) -> None:
         """The second half of mj_step, the integrator on its own; all of it where there is no such half."""
@@ -197,6 +198,7 @@ class ForcedWalker:
         data = self.data
         own = data.qacc.copy(), data.qfrc_constraint.copy(), data.efc_force.copy()
         mujoco.mj_fwdConstraint(self.model, data)
+        confirm(self.model, data)
         theirs = data.qacc.copy(), data.qfrc_constraint.copy()
         data.qacc[:], data.qfrc_constraint[:], data.efc_force[:] = own
         return theirs
@@ -271,6 +273,7 @@ class MujocoForce:
         """Runs MuJoCo's solver, then computes Jᵀf and qacc_smooth + M⁻¹Jᵀf from its force alone."""
         model = self.model
         mujoco.mj_fwdConstraint(model, data)
+        confirm(model, data)
         mujoco.mj_mulJacTVec(model, data, data.qfrc_constraint, data.efc_force)
         mujoco.mj_solveM(model, data, self._delta, data.qfrc_constraint[None, :])
         data.qacc[:] = data.qacc_smooth + self._delta[0]

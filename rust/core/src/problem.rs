@@ -223,12 +223,14 @@ impl Problem<'_> {
 
     /// Returns trace(A), which is at least ‖A‖ and at most n ‖A‖.
     #[must_use]
-    pub fn trace(&self) -> f64 {
+    pub fn trace(&mut self) -> f64 {
         if *self.formed {
             return self.dense.iter().step_by(self.len() + 1).fold(0.0, |sum, entry| sum + entry);
         }
-        let softness = self.softness.map_or(0.0, |softness| softness.iter().sum());
-        dot(self.whitened.columns.as_slice(), self.whitened.columns.as_slice()) + softness
+        self.whiten();
+        let mut sum = self.softness.map_or(0.0, |softness| softness.iter().sum());
+        self.whitened.spans.products(self.whitened.columns.as_slice(), None, |_, square| sum += square);
+        sum
     }
 }
 

@@ -50,7 +50,7 @@ typedef struct {
 
 // The numbers of enumerations that the shim and the Rust code use.
 #define OARLOCK_ENUMS(X)                                                                                    \
-  X(mjINT_EULER, 0) X(mjINT_RK4, 1) X(mjJAC_AUTO, 2) X(mjDSBL_ISLAND, 1 << 18)                               \
+  X(mjINT_EULER, 0) X(mjINT_RK4, 1) X(mjJAC_DENSE, 0) X(mjJAC_AUTO, 2) X(mjDSBL_ISLAND, 1 << 18)                               \
   X(mjOBJ_GEOM, 5) X(mjOBJ_SITE, 6) X(mjOBJ_EQUALITY, 17) X(mjOBJ_TENDON, 18)                                \
   X(mjEQ_CONNECT, 0) X(mjEQ_WELD, 1) X(mjEQ_JOINT, 2) X(mjEQ_TENDON, 3)                                      \
   X(mjCNSTR_EQUALITY, 0) X(mjCNSTR_FRICTION_DOF, 1) X(mjCNSTR_FRICTION_TENDON, 2) X(mjCNSTR_LIMIT_JOINT, 3)  \

@@ -18,6 +18,7 @@ mod hook;
 mod jacobian;
 mod layout;
 mod model;
+mod newton;
 #[cfg(all(test, unix))]
 pub(crate) mod testing;
 

@@ -147,6 +147,8 @@ int oarlock_same_options(const mjModel* one, const mjModel* other) {
   return !memcmp(first, mjModel_timestep(other), length) && *mjModel_integrator(one) == *mjModel_integrator(other);
 }
 
+void oarlock_make_dense(mjModel* model) { *mjModel_jacobian(model) = mjJAC_DENSE; }
+
 void oarlock_delete_model(mjModel* model) { api.mj_deleteModel(model); }
 
 int oarlock_make_data(const mjModel* model, mjData** data, char* message) {

@@ -30,6 +30,10 @@ pub fn raised(py: Python<'_>, error: &native::Error) -> PyErr {
 /// # Errors
 /// `InputError` if it is none, or cannot be copied.
 pub fn copied(py: Python<'_>, model: &Bound<'_, PyAny>) -> PyResult<Arc<native::library::Model>> {
+    copy_of(py, model).map(Arc::new)
+}
+
+fn copy_of(py: Python<'_>, model: &Bound<'_, PyAny>) -> PyResult<native::library::Model> {
     if !model.is_instance(&py.import("mujoco")?.getattr("MjModel")?)? {
         return Err(InputError::new_err(format!("{model} is no model, expected a mujoco.MjModel")));
     }
@@ -38,7 +42,7 @@ pub fn copied(py: Python<'_>, model: &Bound<'_, PyAny>) -> PyResult<Arc<native::
     // the interpreter lock keeps other Python code from writing to it.
     #[allow(unsafe_code)]
     let copy = unsafe { native::library::Model::copy_of(address) };
-    copy.map(Arc::new).map_err(|error| raised(py, &error))
+    copy.map_err(|error| raised(py, &error))
 }
 
 fn form(name: &str) -> PyResult<Form> {
@@ -88,11 +92,11 @@ type SolverRef<'py> = PyRef<'py, MultiplierSolver>;
 impl Setup {
     /// Of an `MjModel`: positions (nq), velocities (nv), activations (na), laws of actuators and of equalities by number,
     /// the timestep (s) and whether controls are held over it, Baumgarte's terms (1/s, 1/s²), what to
-    /// note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies, and the steps whose
-    /// states are kept whole.
+    /// note for an outside truth (("qpos", entry) or ("site", number)), whether to note energies, the steps whose states are
+    /// kept whole, and whether MuJoCo's answers are held against the minimum that they should be.
     #[new]
-    #[allow(clippy::too_many_arguments)] // keywords in Python
-    #[pyo3(signature = (model, *, qpos, qvel, act, laws, switches, step_s, held, beta, k, observed, conserved, inequalities, snapshots))]
+    #[allow(clippy::too_many_arguments, clippy::fn_params_excessive_bools)] // keywords in Python
+    #[pyo3(signature = (model, *, qpos, qvel, act, laws, switches, step_s, held, beta, k, observed, conserved, inequalities, snapshots, doubted=false))]
     fn new(
         py: Python<'_>,
         model: &Bound<'_, PyAny>,
@@ -109,8 +113,10 @@ impl Setup {
         conserved: bool,
         inequalities: bool,
         snapshots: Vec<usize>,
+        doubted: bool,
     ) -> PyResult<Self> {
-        let model = copied(py, model)?;
+        let model = copy_of(py, model)?;
+        let model = Arc::new(if doubted { model.doubted() } else { model });
         let observed = match observed {
             None => None,
             Some((kind, index)) if kind == "qpos" && index < model.nq() => Some(Observed::Coordinate(index)),

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from gallery import looked_at
-from mechanisms import four_bar, write_model
+from mechanisms import GROUPED, four_bar, write_model
 from oarlock import InputError
 from oarlock.diagnosis.beginning import begin
 from oarlock.diagnosis.loops.gaps import Opening
@@ -480,3 +480,11 @@ def test_a_keyframe_places_mocap_bodies(tmp_path):
     exam = examined(file)
     assert exam.pose.openings[0].largest < 1e-12
     assert only(judge(exam), "S3").severity == "note"
+
+
+def test_a_wrong_factor_is_named_where_there_is_one(tmp_path):
+    """Of three loops two alone have a pattern that MuJoCo groups rightly."""
+    first = '<connect body1="a" body2="d" anchor=".01 0 .05"/>'
+    for name, text in (("wrong", GROUPED), ("right", GROUPED.replace(first, ""))):
+        exam = examined(write_model(tmp_path / name, text), CheckOptions(duration=0.1, budget=0))
+        assert ("V2" in codes(judge(exam))) == (name == "wrong" and mujoco.__version__ == "4.0.0")

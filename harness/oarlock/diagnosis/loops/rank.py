@@ -136,7 +136,7 @@ def circuits(null: np.ndarray, order: np.ndarray) -> np.ndarray:
     left, pivots = null.copy(), []
     for step in range(null.shape[1]):
         rows = np.linalg.norm(left[:, step:], axis=1)
-        row = next(int(row) for row in order if rows[row] >= _PIVOT * rows.max())
+        row = int(order[np.argmax(rows[order] >= _PIVOT * rows.max())])
         # A reflection of what is left brings the row's whole length into one column: stable.
         mirror = left[row, step:] / rows[row]
         mirror[0] += 1.0 if mirror[0] >= 0 else -1.0

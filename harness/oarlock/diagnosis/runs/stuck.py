@@ -20,6 +20,7 @@ from oarlock.diagnosis.runs.walking import own_copy
 from oarlock.diagnosis.runs.without import MOST, MOST_STEPS
 from oarlock.mechanics.engine_version import tendon_dofs
 from oarlock.mechanics.names import element_name
+from oarlock.mechanics.newton import forward
 from oarlock.mechanics.servos import Servo, servos, tendon_servos
 
 FAR = 0.5
@@ -154,7 +155,7 @@ def _at(recording: Recording, model: mujoco.MjModel, step: int) -> mujoco.MjData
     data.ctrl[:] = recording.ctrl[step]
     for index in np.flatnonzero(np.isin(model.actuator_dyntype, _FOLLOWS[1:])):
         data.act[model.actuator_actadr[index] + model.actuator_actnum[index] - 1] = data.ctrl[index]
-    mujoco.mj_forward(model, data)
+    forward(model, data)
     return data
 
 

@@ -26,7 +26,8 @@ from oarlock.diagnosis.verdict import blame, blown, motions, ranks, references, 
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import named, priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
-from oarlock.mechanics.engine_version import SPARSE_NEWTON_ERRS
+from oarlock.mechanics import newton
+from oarlock.mechanics.inequalities import may_act
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import element_name
 
@@ -323,9 +324,12 @@ def _settings(exam: Examination) -> Iterator[Finding]:
             why = "for its signs are mixed" if mixed else f"for it is below 2 h = {2 * exam.timestep_s:g} s"
             said = f"solref {given[0]:g} {given[1]:g} is taken as {used[0]:g} {used[1]:g}, {why}"
             yield found("T4", exam.file, said, element=one.name, given=given[0], used=used[0])
-    newton = exam.model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
-    if newton and mujoco.mj_isSparse(exam.model) and SPARSE_NEWTON_ERRS:
-        yield found("V2", exam.file, f"{exam.model.nv} degrees of freedom: the Jacobian is sparse")
+    if newton.is_doubtful(exam.model):
+        said = f"{exam.model.nv} degrees of freedom: the Jacobian is sparse"
+        if may_act(exam.model):
+            yield found("V2", exam.file, f"{said}, and where limits, friction or contacts act the factor is not known")
+        elif newton.errs(exam.model, exam.qpos, exam.qvel):
+            yield found("V2", exam.file, f"{said}, and the answer at the start is no minimum")
 
 
 def _limit(one: EqualityStability) -> str:

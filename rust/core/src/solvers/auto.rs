@@ -39,14 +39,14 @@ const NEAR: f64 = 1e-5;
 /// The trace of what is left over bounds λᵣ₊₁ from above, in every block and also where rows are scaled, for no block is smaller
 /// than the least entry of the diagonal. The largest eigenvalue lies between the first pivot and the trace. Of a rank that is
 /// held the factor may leave as much as the open rows explain.
-fn is_certain(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> bool {
-    let (left, blocks) = (found.left(problem.len()), problem.blocks());
+fn is_certain(found: &Found, problem: &mut Problem<'_>, rank_cut: f64) -> bool {
+    let (left, trace, blocks) = (found.left(problem.len()), problem.trace(), problem.blocks());
     let zero = if is_held(problem) && found.rank == blocks.ceiling() {
         blocks.explained_of_all(rank_cut).0
     } else {
         rank_cut
     };
-    found.last > CLEAR * rank_cut * problem.trace()
+    found.last > CLEAR * rank_cut * trace
         && left <= zero * problem.least_diagonal()
         && left <= NEAR * found.last
 }
@@ -58,7 +58,7 @@ fn is_held(problem: &Problem<'_>) -> bool {
 }
 
 /// How far pivots lie from the cut, as eigenvalues do in [`Info::margin`].
-fn margin(found: &Found, problem: &Problem<'_>, rank_cut: f64) -> f64 {
+fn margin(found: &Found, problem: &mut Problem<'_>, rank_cut: f64) -> f64 {
     let kept = found.last / (rank_cut * problem.trace());
     let left = found.left(problem.len()).max(f64::MIN_POSITIVE);
     if is_held(problem) { kept } else { kept.min(rank_cut * problem.least_diagonal() / left) }

@@ -1,11 +1,14 @@
-//! H ≈ A⁺ carried from step to step, with the eigendecomposition it starts from: what the quasi-Newton solvers share.
+//! H ≈ A⁺ carried from step to step, with what it starts from: an eigendecomposition, or a sparse factor where that proves that
+//! A has an inverse. What the quasi-Newton solvers share.
 
 use crate::error::Error;
 use crate::info::{Info, Status};
 use crate::linalg::kernels::{axpy, gemv, norm};
 use crate::problem::Problem;
+use crate::solvers::dual::Dual;
 use crate::solvers::eigen::SymmetricEigen;
 use crate::solvers::solver::State;
+use crate::solvers::sparse::SparseFactor;
 
 /// Fields of a saved state.
 pub(crate) const FIELDS: [&str; 2] = ["inverse", "least"];
@@ -17,15 +20,21 @@ pub(crate) const EPS_ABS: f64 = 1e-6;
 /// turning null space alone doubles ‖x‖ on the boat; 100 leaves room for λ⁺ to have changed since it was computed.
 pub(crate) const GROWTH_LIMIT: f64 = 100.0;
 
+/// Sizes up to this are decomposed at once: what a sparse factor would save is not worth its patterns.
+const SMALL: usize = 24;
+
 /// The carried inverse.
 #[derive(Clone)]
 pub(crate) struct CarriedInverse {
     /// H, `n×n`, column-major.
     pub inverse: Vec<f64>,
     eigen: SymmetricEigen,
+    dual: Dual,
     rank_cut: f64,
     stale: bool,
-    /// λ⁺ of the last eigendecomposition; 0 if there was none, or A was zero.
+    /// Whether A had an inverse at the last refresh, and was not decomposed.
+    regular: bool,
+    /// λ⁺ of the last refresh, or less; 0 if there was none, or A was zero.
     least: f64,
 }
 
@@ -33,7 +42,8 @@ impl CarriedInverse {
     /// For `n×n`; stale until its first [`refresh`](Self::refresh).
     #[must_use]
     pub(crate) fn new(n: usize, rank_cut: f64) -> Self {
-        Self { inverse: vec![0.0; n * n], eigen: SymmetricEigen::new(n), rank_cut, stale: true, least: 0.0 }
+        let (inverse, eigen, dual) = (vec![0.0; n * n], SymmetricEigen::new(n), Dual::new(rank_cut));
+        Self { inverse, eigen, dual, rank_cut, stale: true, regular: false, least: 0.0 }
     }
 
     /// The size it was made for.
@@ -60,22 +70,35 @@ impl CarriedInverse {
         self.stale |= !(0..n).all(|i| self.inverse[i * n + i].is_finite());
     }
 
-    /// The last eigendecomposition.
-    #[must_use]
-    pub(crate) const fn eigen(&self) -> &SymmetricEigen {
-        &self.eigen
+    /// An orthonormal basis of null(A) at the last refresh.
+    pub(crate) fn null_vectors(&self) -> impl Iterator<Item = &[f64]> {
+        let dropped = if self.regular { 0 } else { self.len() - self.eigen.rank() };
+        (0..dropped).map(|i| self.eigen.vector(i))
     }
 
-    /// H = A⁺ from an eigendecomposition of this problem's A.
+    /// ‖A N‖ / ‖A‖ of that basis.
+    #[must_use]
+    pub(crate) fn null_residual(&self) -> f64 {
+        if self.regular { 0.0 } else { self.eigen.null_residual() }
+    }
+
+    /// H = A⁺ of this problem's A.
     ///
     /// # Errors
     /// Those of [`SymmetricEigen::decompose`]; H stays stale then.
     pub(crate) fn refresh(&mut self, problem: &mut Problem<'_>) -> Result<(), Error> {
+        let n = self.len();
         self.stale = true;
-        let (matrix, blocks) = problem.matrix_and_blocks();
-        self.eigen.decompose(matrix, self.rank_cut, blocks)?;
-        self.eigen.pseudo_inverse(&mut self.inverse);
-        self.least = self.eigen.least();
+        self.regular = n > SMALL && self.dual.invert(problem, &mut self.inverse);
+        self.least = if self.regular {
+            // Of a positive definite matrix 1/λ⁺ is at most the trace of its inverse.
+            (0..n).map(|i| self.inverse[i * n + i]).sum::<f64>().recip()
+        } else {
+            let (matrix, blocks) = problem.matrix_and_blocks();
+            self.eigen.decompose(matrix, self.rank_cut, blocks)?;
+            self.eigen.pseudo_inverse(&mut self.inverse);
+            self.eigen.least()
+        };
         self.stale = false;
         Ok(())
     }

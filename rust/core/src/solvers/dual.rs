@@ -75,22 +75,8 @@ impl SparseFactor for Dual {
     }
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
-        let sparse = problem.sparse.filter(|sparse| sparse.plan.is_some())?;
-        if problem.blocks.ceiling() < problem.rhs.len() {
-            return None;
-        }
-        self.plan.plan(sparse);
+        let (dropped, proved) = self.factorise(problem)?;
         let n = self.plan.ldl.len();
-        for vector in [&mut self.shifts, &mut self.rhs, &mut self.x, &mut self.residual, &mut self.image] {
-            vector.resize(n, 0.0);
-        }
-        self.plan.fill(sparse, problem.softness);
-        self.find_shifts(problem);
-        let proved = self.count_below() == Some(0);
-        let dropped = if proved { 0 } else { self.count_near(problem)? };
-        if !self.plan.ldl.factorise() {
-            return None;
-        }
         self.near.drop_none();
         if dropped > 0 {
             let (near, ldl, cut) = (&mut self.near, &self.plan.ldl, problem.blocks.cut(self.rank_cut));
@@ -111,11 +97,7 @@ impl SparseFactor for Dual {
         for (entry, &place) in x.iter_mut().zip(&self.plan.places) {
             *entry = self.x[place as usize];
         }
-        let blocks = &mut *problem.blocks;
-        for block in 0..blocks.len() {
-            let rank = blocks.of(block).len();
-            blocks.hold_rank(block, rank);
-        }
+        hold_all(problem);
         let margin =
             (dropped > 0).then(|| self.near.least_kept / (problem.blocks.cut(self.rank_cut) * self.largest));
         Some(Info {
@@ -130,7 +112,53 @@ impl SparseFactor for Dual {
     }
 }
 
+/// Holds the rank of blocks whose rows are independent.
+fn hold_all(problem: &mut Problem<'_>) {
+    let blocks = &mut *problem.blocks;
+    for block in 0..blocks.len() {
+        let rank = blocks.of(block).len();
+        blocks.hold_rank(block, rank);
+    }
+}
+
 impl Dual {
+    /// Factorises A; gives how many of its eigenvalues lie below the cut, and whether the first count proved it.
+    fn factorise(&mut self, problem: &Problem<'_>) -> Option<(usize, bool)> {
+        let sparse = problem.sparse.filter(|sparse| sparse.plan.is_some())?;
+        if problem.blocks.ceiling() < problem.rhs.len() {
+            return None;
+        }
+        self.plan.plan(sparse);
+        let n = self.plan.ldl.len();
+        for vector in [&mut self.shifts, &mut self.rhs, &mut self.x, &mut self.residual, &mut self.image] {
+            vector.resize(n, 0.0);
+        }
+        self.plan.fill(sparse, problem.softness);
+        self.find_shifts(problem);
+        let proved = self.count_below() == Some(0);
+        let dropped = if proved { 0 } else { self.count_near(problem)? };
+        self.plan.ldl.factorise().then_some((dropped, proved))
+    }
+
+    /// A⁻¹ (`n×n`), where no eigenvalue lies below the cut; tells whether that is proved.
+    pub(crate) fn invert(&mut self, problem: &mut Problem<'_>, inverse: &mut [f64]) -> bool {
+        if !matches!(self.factorise(problem), Some((0, _))) {
+            return false;
+        }
+        let (n, places) = (self.plan.ldl.len(), &self.plan.places);
+        for (col, &place) in places.iter().enumerate() {
+            self.x.fill(0.0);
+            self.x[place as usize] = 1.0;
+            self.plan.ldl.solve(&mut self.x);
+            for (row, &place) in places.iter().enumerate().skip(col) {
+                inverse[col * n + row] = self.x[place as usize];
+                inverse[row * n + col] = self.x[place as usize];
+            }
+        }
+        hold_all(problem);
+        true
+    }
+
     /// Multiplications that a solve of this step takes, about; `None` where they are more than `most`.
     pub(crate) fn work_up_to(&mut self, sparse: Sparse<'_>, most: usize) -> Option<usize> {
         if Plan::least_work(sparse) > most {

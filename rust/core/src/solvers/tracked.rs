@@ -362,12 +362,11 @@ impl Tracked {
         Ok(())
     }
 
-    /// Starts anew from an eigendecomposition; gives ‖Nᵀ b‖ and ‖r‖.
+    /// Starts anew; gives ‖Nᵀ b‖ and ‖r‖.
     fn refresh(&mut self, problem: &mut Problem<'_>, count: &mut Count) -> Result<[f64; 2], Error> {
         self.carried.refresh(problem)?;
         self.projected = true;
-        let eigen = self.carried.eigen();
-        self.null.restart((0..eigen.len() - eigen.rank()).map(|i| eigen.vector(i)));
+        self.null.restart(self.carried.null_vectors());
         self.make_room();
         let inconsistency = self.project_rhs(problem);
         gemv(&self.carried.inverse, &self.b, &mut self.x);
@@ -414,7 +413,7 @@ impl Solver for Tracked {
         } else {
             let [inconsistency, r_norm] = self.refresh(problem, &mut count)?;
             self.ceiling = problem.blocks().ceiling();
-            [inconsistency, self.carried.eigen().null_residual(), r_norm]
+            [inconsistency, self.carried.null_residual(), r_norm]
         };
         x.copy_from_slice(&self.x);
         let b_norm = norm(problem.rhs());

@@ -12,7 +12,7 @@ use crate::projection::Projector;
 use crate::run::{Experiment, Notes, Run, Setup, Snapshot};
 use crate::state::{Form, State};
 use crate::steps::Steps;
-use crate::vectors::{norm, relative_difference};
+use crate::vectors::relative_difference;
 use crate::walker::ForcedWalker;
 
 /// Who walks in lockstep.
@@ -37,9 +37,8 @@ struct Lockstep {
     qacc: Vec<f64>,
     qfrc: Vec<f64>,
     own: [Vec<f64>; 3],
-    /// MuJoCo's gradient, M a − f − Jᵀ λ, over the smooth and the constraint forces.
+    /// How far MuJoCo's own answer here is from the minimum that it is after.
     gradient: f64,
-    left: Vec<f64>,
 }
 
 /// A form, and who answers in it.
@@ -79,7 +78,6 @@ pub fn lockstep(
         qfrc: vec![0.0; nv],
         own: [vec![0.0; nv], vec![0.0; nv], Vec::new()],
         gradient: 0.0,
-        left: vec![0.0; nv],
     };
     Ok(Run::new(experiment, steps))
 }
@@ -91,6 +89,9 @@ impl Lockstep {
             Leader::Mujoco(theirs) => {
                 let (walker, state) = &mut **theirs;
                 state.read(&mut walker.data)?;
+                if self.notes.inequalities {
+                    self.gradient = walker.data.gradient()?;
+                }
                 self.qacc.copy_from_slice(walker.data.qacc());
                 self.qfrc.copy_from_slice(walker.data.qfrc_constraint());
                 return Ok(());
@@ -106,28 +107,14 @@ impl Lockstep {
         force.clear();
         force.extend_from_slice(theirs.force());
         theirs.constraint_stage()?;
+        if self.notes.inequalities {
+            self.gradient = theirs.gradient()?;
+        }
         self.qacc.copy_from_slice(theirs.qacc());
         self.qfrc.copy_from_slice(theirs.qfrc_constraint());
         theirs.qacc_mut().copy_from_slice(qacc);
         theirs.qfrc_constraint_mut().copy_from_slice(qfrc);
         theirs.force_mut().copy_from_slice(force);
-        Ok(())
-    }
-}
-
-impl Lockstep {
-    /// How far MuJoCo's own answer here is from the minimum that it is after.
-    fn find_gradient(&mut self) -> Result<(), Error> {
-        let data = match &self.leader {
-            Leader::Mujoco(theirs) => &theirs.0.data,
-            Leader::Solver(walker) => &walker.data,
-        };
-        data.multiply_mass(&mut self.left, &self.qacc)?;
-        for ((entry, smooth), force) in self.left.iter_mut().zip(data.qfrc_smooth()).zip(&self.qfrc) {
-            *entry = *entry - smooth - force;
-        }
-        let (left, whole) = (norm(&self.left), norm(data.qfrc_smooth()) + norm(&self.qfrc));
-        self.gradient = if whole > 0.0 { left / whole } else { left };
         Ok(())
     }
 }
@@ -145,9 +132,6 @@ impl Experiment for Lockstep {
 
     fn record(&mut self, step: usize) -> Result<(), Error> {
         self.ask_mujoco()?;
-        if self.notes.inequalities {
-            self.find_gradient()?;
-        }
         let (data, state) = match &mut self.leader {
             Leader::Mujoco(theirs) => (&mut theirs.0.data, &mut theirs.1),
             Leader::Solver(walker) => (&mut walker.data, &mut walker.force.state),

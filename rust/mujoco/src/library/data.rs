@@ -17,7 +17,7 @@ use crate::error::Error;
 /// Calls that take nothing but the model and its data; numbers as in shim.h.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
-enum Stage {
+pub(super) enum Stage {
     Forward,
     Position,
     Smooth,
@@ -31,7 +31,7 @@ enum Stage {
 
 /// A state of a model, with everything that MuJoCo computes from it.
 pub struct Data {
-    model: Arc<Model>,
+    pub(super) model: Arc<Model>,
     raw: NonNull<c_void>,
     pub(super) view: DataView,
     pub(super) rows: RowsView,
@@ -39,6 +39,8 @@ pub struct Data {
     placed: bool,
     /// Whether it is somebody else's.
     borrowed: bool,
+    /// Room for a gradient, nv.
+    pub(super) left: Vec<f64>,
 }
 
 // SAFETY: it is nobody else's, and MuJoCo keeps nothing about it in the thread.
@@ -130,7 +132,15 @@ impl Data {
             oarlock_view_data(raw.as_ptr(), view.as_mut_ptr());
             view.assume_init()
         };
-        Self { model: Arc::clone(model), raw, view, rows: rows_of(raw), placed: false, borrowed }
+        Self {
+            model: Arc::clone(model),
+            raw,
+            view,
+            rows: rows_of(raw),
+            placed: false,
+            borrowed,
+            left: Vec::new(),
+        }
     }
 
     /// Takes none of its stages for valid: its state may have been written to.
@@ -145,7 +155,7 @@ impl Data {
     }
 
     /// Makes a call, after which the rows may lie elsewhere, also when it failed.
-    fn run(&mut self, stage: Stage) -> Result<(), Error> {
+    pub(super) fn run(&mut self, stage: Stage) -> Result<(), Error> {
         let (model, data) = (self.model.raw.as_ptr(), self.raw.as_ptr());
         // SAFETY: both are valid and belong together; `&mut self` is exclusive.
         let done = trapped(|message| unsafe { oarlock_run(stage as c_int, model, data, message) });
@@ -156,14 +166,6 @@ impl Data {
             Stage::Integrate | Stage::Step => false,
         };
         done
-    }
-
-    /// `mj_forward`.
-    ///
-    /// # Errors
-    /// [`Error::Mujoco`], here and in the other stages.
-    pub fn forward(&mut self) -> Result<(), Error> {
-        self.run(Stage::Forward)
     }
 
     /// The position stage, unless it was done for these very positions.
@@ -180,14 +182,6 @@ impl Data {
     /// [`Error::Mujoco`].
     pub fn smooth_stages(&mut self) -> Result<(), Error> {
         self.run(if self.placed { Stage::Rates } else { Stage::Smooth })
-    }
-
-    /// MuJoCo's constraint solver, after the smooth stages.
-    ///
-    /// # Errors
-    /// [`Error::Mujoco`].
-    pub fn constraint_stage(&mut self) -> Result<(), Error> {
-        self.run(Stage::Constraint)
     }
 
     /// The second half of `mj_step` by the model's own integrator.

@@ -137,6 +137,7 @@ unsafe extern "C" {
     ) -> c_int;
     pub(super) fn oarlock_leave_unsolved(model: *mut c_void, timestep: f64);
     pub(super) fn oarlock_same_options(one: *const c_void, other: *const c_void) -> c_int;
+    pub(super) fn oarlock_make_dense(model: *mut c_void);
     pub(super) fn oarlock_delete_model(model: *mut c_void);
     pub(super) fn oarlock_make_data(
         model: *const c_void,

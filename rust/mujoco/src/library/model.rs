@@ -5,7 +5,7 @@ use std::ptr::{self, NonNull};
 
 use super::ffi::{
     ModelView, oarlock_copy_model, oarlock_delete_model, oarlock_differentiate, oarlock_integrate,
-    oarlock_leave_unsolved, oarlock_name, oarlock_same_options, oarlock_view_model,
+    oarlock_leave_unsolved, oarlock_make_dense, oarlock_name, oarlock_same_options, oarlock_view_model,
 };
 use super::{OPENED, array, arrays, size, trapped};
 use crate::error::Error;
@@ -14,6 +14,7 @@ use crate::error::Error;
 pub struct Model {
     pub(super) raw: NonNull<c_void>,
     pub(super) view: ModelView,
+    doubted: bool,
 }
 
 // SAFETY: nothing writes to a model after it was made, neither here nor in MuJoCo, whose functions take it const.
@@ -135,7 +136,7 @@ impl Model {
             oarlock_view_model(raw.as_ptr(), view.as_mut_ptr());
             view.assume_init()
         };
-        let model = Self { raw, view };
+        let model = Self { raw, view, doubted: false };
         if model.view.nplugin > 0 {
             return Err(Error::Refused(format!(
                 "the model has {} plugin(s), expected none",
@@ -170,6 +171,35 @@ impl Model {
     pub unsafe fn has_options_of(&self, address: usize) -> bool {
         // SAFETY: the caller's, and nothing is written.
         unsafe { oarlock_same_options(self.raw.as_ptr(), address as *const c_void) != 0 }
+    }
+
+    /// The same model, of which every answer of MuJoCo's constraint solver is held against the minimum that it is after: see
+    /// [`Data::forward`](super::Data::forward).
+    #[must_use]
+    pub fn doubted(mut self) -> Self {
+        self.doubted = true;
+        self
+    }
+
+    /// Whether it is such a model.
+    #[must_use]
+    pub fn is_doubted(&self) -> bool {
+        self.doubted
+    }
+
+    /// A copy with a Jacobian that is dense whatever its size.
+    ///
+    /// # Errors
+    /// [`Error::Mujoco`]: there is no memory for it.
+    pub(super) fn dense(&self) -> Result<Self, Error> {
+        // SAFETY: as for `unsolved`.
+        let mut copy = unsafe { Self::copy_of(self.raw.as_ptr() as usize) }?;
+        // SAFETY: as for `unsolved`.
+        unsafe {
+            oarlock_make_dense(copy.raw.as_ptr());
+            oarlock_view_model(copy.raw.as_ptr(), &raw mut copy.view);
+        }
+        Ok(copy)
     }
 
     /// Name of an element, or its number in `#` form where it has none.
