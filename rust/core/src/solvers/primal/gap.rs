@@ -8,7 +8,7 @@ use super::{CLEAR, LEAST, Primal, distance};
 use crate::problem::Blocks;
 
 /// Eigenvalues are looked for at parts of the largest that are so many times apart.
-const STRIDE: f64 = 4.0;
+const STRIDE: f64 = 5.0;
 
 /// Above this part of the largest nobody looks.
 const MOST: f64 = 1e-2;
@@ -19,11 +19,20 @@ const NEGLIGIBLE: f64 = 1e-9;
 /// Part of b that no x can reach, as long as nothing is known of it.
 const UNREACHED: f64 = 1e-3;
 
-/// It may grow so many times from one step to the next.
+/// It may grow so many times before τ is placed anew.
 const GROWN: f64 = 4.0;
 
-/// Rows that stand open by so many times more than when eigenvalues were looked for have others.
+/// So many times more may rows stand open before.
 const WIDER: f64 = 1.5;
+
+/// Of a factor, relative to the largest entry.
+const ROUNDING: f64 = 10.0 * f64::EPSILON;
+
+/// Times that F is applied to the first x at most.
+const MOST_DROPS: usize = 6;
+
+/// Times that a filter is used at most.
+const FILTERS: usize = 3;
 
 /// Solves after which they are looked for anew.
 const AGE: usize = 128;
@@ -46,9 +55,10 @@ const HIGHEST: Filter = Filter { kept: 6, dropped: 8 };
 pub(super) struct Gap {
     lower: f64,
     upper: f64,
-    /// How far rows stood open, and the part of b that no x could reach.
+    /// How far rows stood open, the part of b that no x could reach, and that which was reckoned with.
     open: f64,
     unreached: f64,
+    reckoned: f64,
     age: usize,
     /// τ as a part of the largest eigenvalue.
     part: f64,
@@ -63,20 +73,20 @@ impl Primal {
             return None;
         }
         let open = blocks.widest_gap();
-        if let Some(gap) = &mut self.gap
-            && open <= WIDER * gap.open
+        // Beyond what open rows explain a rank rises.
+        let (least, most) = (CLEAR * self.rank_cut, CLEAR * blocks.explained_of_all(self.rank_cut).0);
+        let before = self.gap.take();
+        if let Some(mut gap) = before
             && gap.age < AGE
+            && gap.widen(open, least, most)
+            && self.counts(gap.part)
         {
             gap.age += 1;
-            let part = gap.part;
-            if self.counts(part) {
-                return Some(self.positive.iter().sum());
-            }
+            self.gap = Some(gap);
+            return Some(self.positive.iter().sum());
         }
-        let unreached = self.gap.map_or(UNREACHED, |gap| gap.unreached);
-        self.gap = None;
-        let part = CLEAR * self.rank_cut;
-        if !self.counts(part) {
+        let unreached = before.map_or(UNREACHED, |gap| gap.unreached);
+        if !self.counts(least) {
             return None;
         }
         let (mut lower, mut upper) = (self.part, self.part);
@@ -86,10 +96,9 @@ impl Primal {
         while lower > LEAST && self.counts(lower / STRIDE) {
             lower = self.part;
         }
-        let filter = Filter { kept: 1, dropped: 1 };
-        let mut gap = Gap { lower, upper, open, unreached, age: 0, part, filter };
-        // Beyond what open rows explain a rank rises.
-        gap.place(part, CLEAR * blocks.explained_of_all(self.rank_cut).0)?;
+        let (part, filter) = (self.part, Filter { kept: 1, dropped: 1 });
+        let mut gap = Gap { lower, upper, open, unreached, reckoned: 0.0, age: 0, part, filter };
+        gap.place(least, most)?;
         self.gap = Some(gap);
         self.counts(gap.part).then(|| self.positive.iter().sum())
     }
@@ -102,38 +111,58 @@ impl Primal {
     /// Takes what no x can reach out of b, until next to nothing of x comes of what is left of it.
     pub(super) fn leave_out_beforehand(&mut self, rhs: &[f64]) -> Option<()> {
         let mut gap = self.gap?;
-        self.residual.copy_from_slice(&self.target);
-        let reached = self.leave_out(gap.filter);
-        gap.unreached = distance(rhs, &self.target) / reached;
-        let enough = gap.comes_back() <= NEGLIGIBLE;
-        // The next step weighs anew what this one shows to be too little.
-        self.gap = enough.then_some(gap);
-        enough.then_some(())
+        let mut comes_back = f64::INFINITY;
+        for time in 1..=FILTERS {
+            self.residual.copy_from_slice(&self.target);
+            let reached = self.leave_out(gap.filter);
+            gap.unreached = distance(rhs, &self.target) / reached;
+            comes_back = gap.comes_back(time);
+            if comes_back <= NEGLIGIBLE {
+                break;
+            }
+        }
+        self.gap = Some(gap);
+        (comes_back <= NEGLIGIBLE).then_some(())
     }
 
-    /// x ← F x. Rounding of the first δ is 1/τ times as large along what is dropped, and of x √σ/τ times that; later corrections put
-    /// right what this changes of what counts.
+    /// x ← F x, as often as rounding makes it necessary; later corrections put right what this changes of what counts.
     pub(super) fn drop_again(&mut self, x: &mut [f64]) {
-        let Self { plan, pull, force, .. } = self;
-        plan.ldl.solve(pull);
-        x.fill(0.0);
-        plan.add_and_transpose(pull, x, force);
-        std::mem::swap(pull, force);
+        let Self { plan, pull, force, gap, .. } = self;
+        for _ in 0..gap.map_or(1, Gap::drops) {
+            plan.ldl.solve(pull);
+            x.fill(0.0);
+            plan.add_and_transpose(pull, x, force);
+            std::mem::swap(pull, force);
+        }
     }
 }
 
 impl Gap {
+    /// Takes note of how far rows stand open, eigenvalues of what is dropped growing as its square; tells whether τ has a place.
+    fn widen(&mut self, open: f64, least: f64, most: f64) -> bool {
+        let wider = open > WIDER * self.open;
+        if wider {
+            self.lower *= (open / self.open).powi(2);
+            self.open = open;
+        }
+        !(wider || self.unreached > self.reckoned) || self.place(least, most).is_some()
+    }
+
     /// Places τ, at most `most` of the largest eigenvalue and at least `least`, where corrections and a filter that is good enough take
     /// fewest solves; `None` if none is.
     fn place(&mut self, least: f64, most: f64) -> Option<()> {
         let (from, to) = (self.lower.max(least), self.upper.min(most).max(least));
+        self.reckoned = (GROWN * self.unreached).max(f64::EPSILON);
         let mut fewest: Option<(f64, f64, Filter)> = None;
+        if from > to {
+            return None;
+        }
         for place in 0..=PLACES {
             self.part = from * (to / from).powf(f64::from(place) / f64::from(PLACES));
             let Some(filter) = self.least_filter() else { continue };
             // Two solves a correction, each of which leaves τ/σ of the error of the one before.
             let corrections = (1e-13_f64.ln() / (self.part / self.upper).min(0.5).ln()).ceil();
-            let solves = 2.0 * corrections + (filter.kept + filter.dropped) as f64;
+            let solves = 2.0 * corrections + (filter.kept + filter.dropped + self.drops()) as f64;
             if fewest.is_none_or(|(least, ..)| solves < least) {
                 fewest = Some((solves, self.part, filter));
             }
@@ -145,21 +174,31 @@ impl Gap {
 
     /// The filter of lowest orders that is good enough with τ where it is, though more of b than now may be out of reach.
     fn least_filter(&self) -> Option<Filter> {
-        let tried = Self { unreached: (GROWN * self.unreached).max(f64::EPSILON), ..*self };
+        let tried = Self { unreached: self.reckoned, ..*self };
         let good = |filter: Filter| {
             filter.loss(tried.part / tried.upper) <= NEGLIGIBLE
-                && Self { filter, ..tried }.comes_back() <= NEGLIGIBLE
+                && Self { filter, ..tried }.comes_back(1) <= NEGLIGIBLE
         };
         let all = (1..=HIGHEST.kept)
             .flat_map(|kept| (1..=HIGHEST.dropped).map(move |dropped| Filter { kept, dropped }));
         all.filter(|&filter| good(filter)).min_by_key(|filter| filter.kept + filter.dropped)
     }
 
-    /// The part of x that may come of what is dropped: an eigenvalue σ brings back σ/τ² times what is left in b, and no x is smaller than
-    /// b over the largest.
-    fn comes_back(&self) -> f64 {
+    /// How often F has to be applied to the first x: rounding of the first δ is 1/τ times as large along what is dropped, and that of x
+    /// √σ/τ times that.
+    fn drops(self) -> usize {
         let dropped = self.lower / self.part;
-        dropped / self.part * self.filter.leak(dropped) * self.unreached
+        let rounding = ROUNDING * self.lower.sqrt() / self.part.powi(2);
+        (1..MOST_DROPS)
+            .find(|&drops| rounding * dropped.powi(drops as i32) <= NEGLIGIBLE)
+            .unwrap_or(MOST_DROPS)
+    }
+
+    /// The part of x that may come of what is dropped after some filters: an eigenvalue σ brings back σ/τ² times what is left in b, and no x is smaller than
+    /// b over the largest.
+    fn comes_back(&self, filters: usize) -> f64 {
+        let dropped = self.lower / self.part;
+        dropped / self.part * self.filter.leak(dropped).powi(filters as i32) * self.unreached
     }
 }
 
