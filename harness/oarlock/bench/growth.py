@@ -47,8 +47,7 @@ PARTS = {
     "integrator": "MuJoCo's integrator",
     "rows": "J and J̇v",
     "question": "checks, folding and b",
-    "whitening": "W = H Jᵀ",
-    "matrix": "A = WᵀW",
+    "matrix": "W = H Jᵀ and A = WᵀW",
     "solve": "solver",
     "force": "Jᵀλ and accelerations",
 }

@@ -36,7 +36,6 @@ _SHADES = {
     "integrator": "#fdae6b",
     "rows": "#66c2a5",
     "question": "#6baed6",
-    "whitening": "#2171b5",
     "matrix": "#08306b",
     "solve": "#6a3d9a",
     "force": "#b2abd2",

@@ -147,8 +147,9 @@ pub(crate) struct SparseRows {
     lengths: Vec<i32>,
     given: Vec<i32>,
     homes: Vec<usize>,
-    /// Where every entry that is kept comes from.
+    /// Where every entry that is kept comes from, and whether all come in order.
     places: Vec<usize>,
+    straight: bool,
     generation: u64,
 }
 
@@ -214,6 +215,10 @@ impl SparseRows {
     /// Fills the pattern in; false where something that it leaves out is not zero.
     fn refill(&mut self, given: &JacobianView<'_>) -> bool {
         let (JacobianView::Dense(values) | JacobianView::Compressed { values, .. }) = given;
+        if let (true, Some(values)) = (self.straight, values.get(..self.values.len())) {
+            self.values.copy_from_slice(values);
+            return true;
+        }
         for (entry, &place) in self.values.iter_mut().zip(&self.places) {
             *entry = values.get(place).copied().unwrap_or(0.0);
         }
@@ -261,6 +266,8 @@ impl SparseRows {
                 self.places[home] = place;
             }
         }
+        let in_order = self.places.iter().enumerate().all(|(at, &place)| at == place);
+        self.straight = in_order && self.homes.len() == self.places.len();
         self.lengths.clear();
         self.given.clear();
         if let JacobianView::Compressed { lengths, columns, .. } = given {

@@ -18,7 +18,7 @@ use crate::solvers::cholesky::{Cholesky, CholeskyParams};
 use crate::solvers::dual::Dual;
 use crate::solvers::eigen::RANK_CUT;
 use crate::solvers::pinv::{Pinv, PinvParams};
-use crate::solvers::primal::Primal;
+use crate::solvers::primal::{Primal, is_open};
 use crate::solvers::solver::{Solver, State};
 use crate::solvers::sparse::SparseFactor;
 
@@ -88,7 +88,7 @@ pub struct Auto {
     primal: Primal,
     /// The cheapest for the patterns at hand.
     method: Method,
-    chosen_for: Option<u64>,
+    chosen_for: (Option<u64>, bool),
     safe: Pinv,
 }
 
@@ -109,14 +109,15 @@ impl Auto {
         let Some(sparse) = problem.sparse.filter(|sparse| sparse.plan.is_some()) else {
             return Method::Dense;
         };
-        if self.chosen_for != sparse.plan {
+        let open = is_open(problem.blocks(), problem.len());
+        if self.chosen_for != (sparse.plan, open) {
             let n = problem.len();
             let dense = n * n * (n + problem.work.len());
-            self.chosen_for = sparse.plan;
+            self.chosen_for = (sparse.plan, open);
             self.method = Method::Dense;
             if n > SMALL {
-                let primal = self.primal.work(sparse);
-                let dual = self.dual.work_up_to(sparse, primal);
+                let primal = self.primal.work(sparse, open);
+                let dual = if open { None } else { self.dual.work_up_to(sparse, primal) };
                 self.method = match () {
                     () if dense < primal.min(dual.unwrap_or(primal)) => Method::Dense,
                     () if dual.is_some() => Method::Dual,
@@ -156,7 +157,7 @@ impl Solver for Auto {
             dual: Dual::new(rank_cut),
             primal: Primal::new(rank_cut),
             method: Method::Dense,
-            chosen_for: None,
+            chosen_for: (None, false),
             safe: Pinv::new(PinvParams { rank_cut }),
         }
     }

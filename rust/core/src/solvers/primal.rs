@@ -22,13 +22,15 @@
 //! (1969) has `M + JᵀJ/ε`; its sign says nothing of the rank. Redundancy that no folding takes away, which makes A singular,
 //! costs nothing here, and neither does a deep tree, which makes A dense.
 
+mod gap;
 mod plan;
 
+use self::gap::{Filter, Gap};
 use self::plan::Plan;
 use crate::info::Info;
-use crate::linalg::kernels::norm;
-use crate::problem::Problem;
+use crate::linalg::kernels::{axpy, norm};
 use crate::problem::whitened::Sparse;
+use crate::problem::{Blocks, Problem};
 use crate::solvers::sparse::SparseFactor;
 
 /// τ is this many times the cut: the largest eigenvalue is found to a factor of three, from below, and a pivot's sign is
@@ -41,15 +43,18 @@ const AGE: usize = 32;
 /// Least τ as a part of the largest eigenvalue: M is lost to rounding in P beyond 1e-16 of this.
 const LEAST: f64 = 1e-12;
 
-/// Residual ‖b − A x‖/‖b‖ at which x is as good as rounding allows.
-const CLOSED: f64 = 1e-13;
+/// Residual ‖b − A x‖/‖b‖ at which x is as good as rounding allows: of rows that are redundant b contradicts itself by some 1e-13.
+const CLOSED: f64 = 1e-12;
 
 /// Difference between Jᵀ x and M δ, relative to them, at which they are the same but for rounding.
 const BALANCED: f64 = 1e-11;
 
 /// Rows that stand open by no more, relative to what they turn on, give redundant rows eigenvalues of 1e-20, which do no harm. Beyond it
-/// some of what is to be dropped would come back as σ/τ² times b: eigenvalues drop it.
+/// what is to be dropped comes back as σ/τ² times its part of b, which is taken out beforehand.
 const CLOSED_ROWS: f64 = 1e-10;
+
+/// Times as long that a solve of such rows takes.
+const OPEN_WORK: usize = 4;
 
 /// Size of a correction, relative to the first, that the next one is expected to have when no more are made.
 const REFINED: f64 = 1e-13;
@@ -65,6 +70,9 @@ const SLUGGISH: f64 = 5e-3;
 
 /// Part of τ that it has.
 const SMALLER: f64 = 1e-3;
+
+/// What is left of rows that are closed is taken out by F² (3 − 2 F), which squares both errors.
+const SQUARES: Filter = Filter { kept: 2, dropped: 2 };
 
 /// Corrections that are made at most.
 const STEPS: usize = 8;
@@ -86,11 +94,13 @@ pub struct Primal {
     /// τ of each velocity, and as a part of the largest eigenvalue.
     shifts: Vec<f64>,
     part: f64,
-    /// Of rows: b without what no x can reach, what is left of it, and J times something.
+    /// Where no eigenvalue lies, as it was last found for rows that stand open.
+    gap: Option<Gap>,
+    /// Of rows: b without what no x can reach, what is left of it, J times something, and what passes a filter.
     target: Vec<f64>,
     residual: Vec<f64>,
     image: Vec<f64>,
-    once: Vec<f64>,
+    reached: Vec<f64>,
     /// Of velocities.
     force: Vec<f64>,
     motion: Vec<f64>,
@@ -118,10 +128,11 @@ impl SparseFactor for Primal {
             age: 0,
             shifts: none(),
             part: 0.0,
+            gap: None,
             target: none(),
             residual: none(),
             image: none(),
-            once: none(),
+            reached: none(),
             force: none(),
             motion: none(),
             acceleration: none(),
@@ -132,12 +143,9 @@ impl SparseFactor for Primal {
 
     fn solve(&mut self, problem: &mut Problem<'_>, x: &mut [f64]) -> Option<Info> {
         let sparse = problem.sparse.filter(|sparse| sparse.plan.is_some() && problem.softness.is_none())?;
-        if problem.blocks.ceiling() < problem.rhs.len() && problem.blocks.widest_gap() > CLOSED_ROWS {
-            return None;
-        }
         self.plan.take(sparse);
         let (n, nv) = (self.plan.rows(), self.plan.ldl.len());
-        for vector in [&mut self.target, &mut self.residual, &mut self.image, &mut self.once] {
+        for vector in [&mut self.target, &mut self.residual, &mut self.image, &mut self.reached] {
             vector.resize(n, 0.0);
         }
         let Self { shifts, force, motion, acceleration, push, pull, .. } = self;
@@ -147,23 +155,31 @@ impl SparseFactor for Primal {
         self.age += 1;
         if self.scales.is_empty() || self.scaled_for != sparse.plan || self.age >= AGE {
             self.find_scales(sparse);
+            self.gap = self.gap.filter(|_| self.scaled_for == sparse.plan);
             (self.scaled_for, self.age) = (sparse.plan, 0);
         }
-        let rank = self.find_rank(problem)?;
-        let info = self.refine(problem.rhs, x)?;
+        let open = is_open(problem.blocks, problem.rhs.len());
+        let rank = if open { self.find_rank_between(problem.blocks)? } else { self.find_rank(problem)? };
+        self.target.copy_from_slice(problem.rhs);
+        if open {
+            self.leave_out_beforehand(problem.rhs)?;
+        }
+        let info = self.refine(problem.rhs, x, open)?;
         Some(Info { rank: Some(rank), ..info })
     }
 
     fn forget(&mut self) {
         self.scales.clear();
+        self.gap = None;
     }
 }
 
 impl Primal {
-    /// Multiplications that a solve of this step takes, about.
-    pub(crate) fn work(&mut self, sparse: Sparse<'_>) -> usize {
+    /// Multiplications that a solve of this step takes, about; what filters of `open` rows take is counted by what dense code does in
+    /// that time.
+    pub(crate) fn work(&mut self, sparse: Sparse<'_>, open: bool) -> usize {
         self.plan.plan(sparse);
-        self.plan.work()
+        if open { OPEN_WORK * self.plan.work() } else { self.plan.work() }
     }
 
     /// The largest eigenvalue of A by island, from below: two steps of the power method from rows that push one way or the
@@ -215,10 +231,8 @@ impl Primal {
         Some(())
     }
 
-    /// The rank of A where nothing near the cut leaves it open; the factor is that of τ above it then.
-    fn find_rank(&mut self, problem: &mut Problem<'_>) -> Option<usize> {
-        let blocks = &mut *problem.blocks;
-        let cut = blocks.cut(self.rank_cut);
+    /// Takes the ranks that are held, or else the numbers of rows, as those that are expected; tells whether all are held.
+    fn expect(&mut self, blocks: &Blocks) -> bool {
         self.expected.clear();
         self.expected.resize(self.plan.count, 0);
         let mut known = true;
@@ -228,6 +242,14 @@ impl Primal {
             known &= most.is_some();
             self.expected[self.plan.island_of_row[row]] += most.unwrap_or(blocks.of(block).len());
         }
+        known
+    }
+
+    /// The rank of A where nothing near the cut leaves it open; the factor is that of τ above it then.
+    fn find_rank(&mut self, problem: &mut Problem<'_>) -> Option<usize> {
+        let blocks = &mut *problem.blocks;
+        let cut = blocks.cut(self.rank_cut);
+        let known = self.expect(blocks);
         if blocks.is_undecided()
             && (blocks.len() != self.islands_with_rows() || blocks.explained_of_all(cut).1 > cut)
         {
@@ -258,7 +280,7 @@ impl Primal {
     }
 
     /// Holds ranks that nobody has decided: blocks are islands there.
-    fn hold(&self, blocks: &mut crate::problem::Blocks) {
+    fn hold(&self, blocks: &mut Blocks) {
         if blocks.is_undecided() {
             for block in 0..blocks.len() {
                 let island = self.plan.island_of_row[blocks.of(block)[0]];
@@ -267,8 +289,8 @@ impl Primal {
         }
     }
 
-    /// x = A⁺ b by refinement from 0.
-    fn refine(&mut self, rhs: &[f64], x: &mut [f64]) -> Option<Info> {
+    /// x = A⁺ b by refinement from 0; `open`: redundant rows stand open.
+    fn refine(&mut self, rhs: &[f64], x: &mut [f64], open: bool) -> Option<Info> {
         let size = norm(rhs);
         for vector in [&mut *x, &mut self.acceleration, &mut self.push, &mut self.pull] {
             vector.fill(0.0);
@@ -276,17 +298,23 @@ impl Primal {
         if size == 0.0 {
             return Some(Info::trivial(0.0));
         }
-        self.target.copy_from_slice(rhs);
-        self.residual.copy_from_slice(rhs);
+        self.residual.copy_from_slice(&self.target);
         let (mut first, mut before, mut left_before, mut smaller) = (0.0, f64::INFINITY, size, false);
         for step in 0..STEPS {
             let correction = self.correct(x);
+            if open && step == 0 {
+                self.drop_again(x);
+            }
             let Self { target, residual, image, push, pull, .. } = self;
             for ((entry, wanted), image) in residual.iter_mut().zip(&*target).zip(&*image) {
                 *entry = wanted - image;
             }
             let mut left = norm(residual);
-            let balanced = distance(pull, push) <= BALANCED * norm(push);
+            let mut balanced = distance(pull, push) <= BALANCED * norm(push);
+            // The first δ has rounding in it along motions that rows admit, which the second one takes out.
+            if !balanced && step > 0 && left <= CLOSED * size {
+                balanced = self.follow(x) <= BALANCED;
+            }
             if balanced && left <= CLOSED * size {
                 return Some(self.figures(rhs, left / size));
             }
@@ -297,7 +325,7 @@ impl Primal {
             let done = step > 0 && correction * ratio <= REFINED * first;
             let stuck = step > 0 && (ratio >= SLOW || ratio.is_nan());
             if balanced && (done || (stuck && correction <= ROUNDING * first)) {
-                left = self.leave_out();
+                left = self.leave_out(SQUARES);
                 return Some(self.figures(rhs, left / size));
             }
             if (stuck && correction > ROUNDING * first) || !left.is_finite() {
@@ -312,7 +340,7 @@ impl Primal {
             }
             // What no x can reach stands beside what is left, and its rounding is 1/τ times as large in an acceleration.
             if left >= SLOW * left_before {
-                left = self.leave_out();
+                left = self.leave_out(SQUARES);
             }
             (before, left_before) = (correction, left);
         }
@@ -344,27 +372,36 @@ impl Primal {
         correction
     }
 
+    /// One refinement of x alone, where δ is as good as it gets; gives the difference between Jᵀ x and M δ, relative to them.
+    fn follow(&mut self, x: &mut [f64]) -> f64 {
+        let Self { plan, motion, push, pull, .. } = self;
+        for (entry, (push, pull)) in motion.iter_mut().zip(push.iter().zip(&*pull)) {
+            *entry = push - pull;
+        }
+        plan.ldl.solve(motion);
+        plan.add_and_transpose(motion, x, pull);
+        distance(pull, push) / norm(push)
+    }
+
     /// Takes what no x can reach out of b and of the residual; gives the norm of the rest.
     ///
-    /// F = J P⁻¹ Jᵀ is 1 + τ/σ where an eigenvalue counts, and −σ/τ of one that does not; F² (3 − 2 F) squares both
-    /// errors.
-    fn leave_out(&mut self) -> f64 {
-        let Self { plan, target, residual, image, once, force, .. } = self;
+    /// F = J P⁻¹ Jᵀ is 1 + τ/σ where an eigenvalue counts, and −σ/τ of one that does not.
+    fn leave_out(&mut self, filter: Filter) -> f64 {
+        let Self { plan, target, residual, image, reached, force, .. } = self;
         image.copy_from_slice(residual);
-        for round in 0..3 {
+        reached.fill(0.0);
+        let coefficients = filter.coefficients();
+        for power in 1..filter.dropped + filter.kept {
             plan.transposed_times(image, force);
             plan.ldl.solve(force);
             plan.times(force, image);
-            if round == 1 {
-                once.copy_from_slice(image);
+            if power >= filter.dropped {
+                axpy(coefficients[power - filter.dropped], image, reached);
             }
         }
-        for ((wanted, residual), (twice, thrice)) in
-            target.iter_mut().zip(&mut *residual).zip(once.iter().zip(&*image))
-        {
-            let reached = 3.0 * twice - 2.0 * thrice;
+        for ((wanted, residual), reached) in target.iter_mut().zip(&mut *residual).zip(&*reached) {
             *wanted -= *residual - reached;
-            *residual = reached;
+            *residual = *reached;
         }
         norm(residual)
     }
@@ -372,6 +409,11 @@ impl Primal {
     fn figures(&self, rhs: &[f64], residual_rel: f64) -> Info {
         Info { residual_rel, inconsistency: Some(distance(rhs, &self.target)), ..Info::trivial(0.0) }
     }
+}
+
+/// Whether redundant ones among so many rows stand open by more than what is rounding.
+pub(crate) fn is_open(blocks: &Blocks, rows: usize) -> bool {
+    blocks.ceiling() < rows && blocks.widest_gap() > CLOSED_ROWS
 }
 
 fn distance(x: &[f64], y: &[f64]) -> f64 {

@@ -25,9 +25,7 @@ pub enum Part {
     Rows,
     /// Checks, folding, where the entries of A lie, and b.
     Question,
-    /// W = H Jᵀ of the folded rows, by MuJoCo's factor of M.
-    Whitening,
-    /// A = Wᵀ W, by a solver that takes it formed.
+    /// W = H Jᵀ of the folded rows and A = Wᵀ W, by a solver that takes it formed.
     Matrix,
     /// The solver itself: a factorisation, or an iteration; for one that does not take A formed, all its products.
     Solve,
@@ -39,16 +37,8 @@ pub enum Part {
 
 impl Part {
     /// All of them.
-    pub const ALL: [Self; 8] = [
-        Self::Stages,
-        Self::Rows,
-        Self::Question,
-        Self::Whitening,
-        Self::Matrix,
-        Self::Solve,
-        Self::Force,
-        Self::Integrator,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::Stages, Self::Rows, Self::Question, Self::Matrix, Self::Solve, Self::Force, Self::Integrator];
 
     /// Its name.
     #[must_use]
@@ -57,7 +47,6 @@ impl Part {
             Self::Stages => "stages",
             Self::Rows => "rows",
             Self::Question => "question",
-            Self::Whitening => "whitening",
             Self::Matrix => "matrix",
             Self::Solve => "solve",
             Self::Force => "force",
