@@ -47,6 +47,33 @@ def test_a_limit_that_stops_a_follower_is_named_before_the_softness():
     assert "C1" not in {one.code for one in findings}
 
 
+TWO = """<mujoco>
+  <compiler autolimits="true"/>
+  <option timestep="0.001" gravity="0 0 0"/>
+  <worldbody>
+    <body><joint name="cam" axis="0 0 1"/><geom type="capsule" size="0.01" fromto="0 0 0 0.1 0 0"/></body>
+    <body pos="0.5 0 0"><joint name="jaw" axis="0 0 1" range="RANGE"/>
+      <geom type="capsule" size="0.01" fromto="0 0 0 0.1 0 0"/></body>
+    <body pos="1 0 0"><joint name="flap" axis="0 0 1" range="-0.5 0.5"/>
+      <geom type="capsule" size="0.01" fromto="0 0 0 0.1 0 0"/></body>
+  </worldbody>
+  <equality><joint name="follows" joint1="jaw" joint2="cam"/><joint name="also" joint1="flap" joint2="cam"/></equality>
+  <actuator><position joint="cam" kp="5" kv="0.5"/></actuator>
+  <keyframe><key name="go" ctrl="0.4"/></keyframe>
+</mujoco>"""
+
+
+@pytest.mark.parametrize(("given", "meant"), [("-0.6 0.6", True), ("-0.1 0.1", False), ("-10 10", False)])
+def test_a_range_whose_number_would_do_in_radians_is_asked_after(tmp_path, given, meant):
+    """Of 0.4 rad that are wanted: 0.6 degrees would do as radians; 0.1 would not; 10 are no radians."""
+    file = tmp_path / "two.xml"
+    file.write_text(TWO.replace("RANGE", given))
+    (one,) = [one for one in oarlock.check(file, budget=0).verdict if one.code == "C5" and one.element == "follows"]
+    assert one.figures["others"] == ["flap"]
+    assert "without that limit and that of 'flap'" in one.line
+    assert ('angle="radian" in <compiler>' in one.line) is meant
+
+
 def test_forces_of_limits_have_the_unit_of_their_joint():
     (one,) = [one for one in oarlock.check(FILE, budget=0).verdict if one.code == "R2"]
     assert one.line.startswith("in MuJoCo's run limit of joint 'jaw' from t = ")

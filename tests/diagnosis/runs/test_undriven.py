@@ -66,6 +66,37 @@ def test_a_five_bar_with_one_motor_falls_and_the_spring_that_is_named_keeps_it(t
     assert way(five(spring=written)) < 0.5 * way(five())
 
 
+def test_a_loop_that_is_torn_comes_before_its_freedoms(tmp_path):
+    soft = five().replace('name="tip"', 'name="tip" solref="0.5 1"')
+    one, answer = undriven(soft, tmp_path)
+    assert one is not None
+    assert "degrees of freedom" not in answer
+    assert answer.startswith("'tip' opens by ")
+
+
+TRIPOD = """<mujoco><option timestep="0.001"/>
+  <default><geom type="capsule" size="0.005" contype="0" conaffinity="0"/></default>
+  <worldbody><body name="plate" pos="0 0 -0.2"><freejoint/><geom type="cylinder" size="0.05 0.005"/></body>{arms}
+  </worldbody><equality>{pins}</equality><actuator>{motors}</actuator>
+  <keyframe><key name="k" ctrl="0.3 0 0"/></keyframe></mujoco>"""
+
+
+def test_freedoms_of_free_and_ball_joints_are_told_in_a_whole_sentence(tmp_path):
+    arms, pins, motors = "", "", ""
+    for leg, angle in enumerate((0.0, 2.0944, 4.1888)):
+        cos, sin = np.cos(angle), np.sin(angle)
+        arms += f"""<body name="arm{leg}" pos="{0.1 * cos} {0.1 * sin} 0">
+          <joint name="arm{leg}" axis="{-sin} {cos} 0"/><geom fromto="0 0 0 {0.05 * cos} {0.05 * sin} 0"/>
+          <body name="rod{leg}" pos="{0.05 * cos} {0.05 * sin} 0"><joint type="ball"/>
+          <geom fromto="0 0 0 {-0.1 * cos} {-0.1 * sin} -0.2"/></body></body>"""
+        pins += f'<connect name="pin{leg}" body1="rod{leg}" body2="plate" anchor="{-0.1 * cos} {-0.1 * sin} -0.2"/>'
+        motors += f'<position joint="arm{leg}" kp="5" kv="0.1"/>'
+    one, _ = undriven(TRIPOD.format(arms=arms, pins=pins, motors=motors), tmp_path)
+    assert (one.figures["dof"], one.figures["driven"], one.figures["joints"]) == (9, 3, [])
+    assert "the other 6 go their own way and take 'plate' " in one.line
+    assert one.line.endswith("; drive, or couple, what its ball and free joints leave free")
+
+
 @pytest.mark.parametrize(
     "given",
     [

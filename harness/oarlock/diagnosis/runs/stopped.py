@@ -29,8 +29,9 @@ class Stopped:
         limit: where it is, rad or m; wanted: where the joint goes furthest beyond it at that moment without it.
         unit: of the two.
         drift: how far the equality opens in the run, m or rad; drift_without: the same about that moment without the
-            limits of all the joints that are found.
+            limits of ``joint`` and ``others``.
         drift_unit: of those two.
+        others: joints whose limits were taken away besides, for they push at such moments too.
     """
 
     equality: str
@@ -41,6 +42,7 @@ class Stopped:
     drift: float
     drift_without: float
     drift_unit: str
+    others: tuple[str, ...]
 
 
 def find_stopped(recording: Recording, drifts: list[Drift], loops: Loops, least: float) -> tuple[Stopped, ...]:
@@ -65,6 +67,7 @@ def find_stopped(recording: Recording, drifts: list[Drift], loops: Loops, least:
     if again is None:
         return ()
     found, names = [], [one.name for one in recording.layout.equalities]
+    called = {joint: element_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) for joint in joints}
     for name, ends in pressed.items():
         place = names.index(name)
         left = left_about(recording, place, again.position)
@@ -79,13 +82,14 @@ def find_stopped(recording: Recording, drifts: list[Drift], loops: Loops, least:
                 found.append(
                     Stopped(
                         equality=name,
-                        joint=element_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint),
+                        joint=called[joint],
                         limit=limit,
                         wanted=wanted,
                         unit="m" if model.jnt_type[joint] == _SLIDE else "rad",
                         drift=worst[name].largest,
                         drift_without=left.largest,
                         drift_unit="rad" if turns else "m",
+                        others=tuple(name for other, name in called.items() if other != joint),
                     )
                 )
     return tuple(found)

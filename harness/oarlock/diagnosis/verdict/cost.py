@@ -36,6 +36,9 @@ _CAUSES = (
 )
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
+TORN = 0.1
+"""Of the mechanism's size: a loop that opens by more is torn, and how it moves is no linkage's motion."""
+
 
 def priced(exam: Examination, findings: Iterable[Finding]) -> list[Finding]:
     """The findings with their costs, in the order given."""
@@ -125,6 +128,11 @@ def _apart(exam: Examination, finding: Finding) -> float:
     return metres(exam, finding.figures.get("apart_m"), finding.figures.get("apart_rad"))
 
 
+def _loose(exam: Examination, finding: Finding) -> float:
+    """How far undriven freedoms take a body; nothing where its loops are torn, for then it is no linkage that moves."""
+    return 0.0 if _whole(exam, finding) > TORN * exam.size else _figure("way")(exam, finding)
+
+
 def _whole(exam: Examination, finding: Finding) -> float:
     """All that the equalities that are named open by."""
     names = named(finding)
@@ -149,7 +157,7 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "C2": _lag,
     "A5": _collision,
     "A6": _figure("short"),
-    "A8": _figure("way"),
+    "A8": _loose,
     "A9": _figure("short"),
     "A10": _figure("short"),
     "C4": _collision,

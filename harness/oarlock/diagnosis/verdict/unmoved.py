@@ -256,9 +256,11 @@ def undriven(exam: Examination) -> Iterator[Finding]:
             other = f"the other {f'{loose} go their' if loose > 1 else 'goes its'} own way"
         else:
             drives, other = "no actuator drives it", "it goes its own way"
+        ways = f", {few(ways, last='and')} in all," if ways else ""
+        take = "take" if one.driven and loose > 1 else "takes"
         said = (
-            f"its loop has {freedom} and {drives}: {other}, {few(ways, last='and')} in all, and "
-            f"takes {quoted(one.body)} {one.way:.2g} m{weight}; "
+            f"its loop has {freedom} and {drives}: {other}{ways} and {take} {quoted(one.body)} {one.way:.2g} m"
+            f"{weight}; "
         )
         joints = [quoted(spring.joint) for spring in one.springs] or [quoted(name) for name, *_ in one.joints]
         if one.springs:
@@ -268,7 +270,10 @@ def undriven(exam: Examination) -> Iterator[Finding]:
             said += "or drive, or couple, "
         else:
             said += "drive, or couple, "
-        said += f"{'one of ' if not one.springs and joints[loose:] else ''}{few(joints, last='and')}"
+        if joints:
+            said += f"{'one of ' if not one.springs and joints[loose:] else ''}{few(joints, last='and')}"
+        else:
+            said += "what its ball and free joints leave free"
         figures = {
             "also": list(one.others),
             "dof": one.dof,

@@ -28,11 +28,14 @@ from oarlock.diagnosis.verdict.cost import named, priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.mechanics import newton
 from oarlock.mechanics.inequalities import may_act
-from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.load import collected_warnings, takes_degrees
 from oarlock.mechanics.names import element_name
 
 _PAIRS = 3
 """So many pairs of rows that say the same are named."""
+
+_TURN = 2.0 * np.pi
+"""rad. Ranges of hinges that are written in radians are shorter."""
 
 _JOINT, _EQUALITY = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_EQUALITY
 
@@ -399,17 +402,26 @@ def _fights(exam: Examination) -> Iterator[Finding]:
 
 def _stopped(exam: Examination) -> Iterator[Finding]:
     """C5: a limit that stops a joint short of where an equality wants it, and that does not contradict it (C1)."""
-    fight = exam.fight
+    fight, told = exam.fight, set[str]()
     for one in exam.stopped:
+        if one.equality in told:
+            continue  # among the others of the first
+        told.add(one.equality)
         name = f"limit of {called('joint', one.joint)}"
         if fight is not None and name in fight.others and one.equality in fight.equalities:
             continue
         given, without = (figure(value, one.drift_unit) for value in (one.drift, one.drift_without))
+        limits = f"that limit and {_limits(one.others)}" if one.others else "that limit"
         said = (
             f"the {name} ({one.limit:.4g} {one.unit}) stops it where "
             f"{quoted(one.equality)} wants up to {one.wanted:.4g} {one.unit}: it opens by {given}, by {without} "
-            "without that limit"
+            f"without {limits}"
         )
+        if _meant_radians(one.limit, one.wanted) and one.unit == "rad" and takes_degrees(exam.path):
+            said += (
+                f"; its range ends at {np.degrees(one.limit):.4g} degrees, and as radians that would let it: "
+                'angle="radian" in <compiler>, or the range in degrees'
+            )
         yield found(
             "C5",
             exam.file,
@@ -421,7 +433,17 @@ def _stopped(exam: Examination) -> Iterator[Finding]:
             drift=one.drift,
             drift_without=one.drift_without,
             unit=one.drift_unit,
+            others=list(one.others),
         )
+
+
+def _limits(joints: tuple[str, ...]) -> str:
+    return f"{'those' if joints[1:] else 'that'} of {few([quoted(name) for name in joints])}"
+
+
+def _meant_radians(limit: float, wanted: float) -> bool:
+    """Whether a limit that was read in degrees (rad here) would admit what is wanted (rad), had it been radians."""
+    return 0.0 < abs(limit) < abs(wanted) < abs(np.degrees(limit)) < _TURN
 
 
 # Forces.
