@@ -25,7 +25,7 @@
 mod gap;
 mod plan;
 
-use self::gap::{Filter, Gap};
+use self::gap::{Filter, Gap, NEGLIGIBLE, UNREACHED};
 use self::plan::Plan;
 use crate::info::Info;
 use crate::linalg::kernels::{axpy, norm};
@@ -73,6 +73,18 @@ const SMALLER: f64 = 1e-3;
 
 /// What is left of rows that are closed is taken out by F² (3 − 2 F), which squares both errors.
 const SQUARES: Filter = Filter { kept: 2, dropped: 2 };
+
+/// Eigenvalues are looked for at parts of the largest that are so many times apart.
+const STRIDE: f64 = 5.0;
+
+/// Above this part of the largest nobody looks.
+const MOST_PART: f64 = 1e-2;
+
+/// Times that a filter is used at most.
+const FILTERS: usize = 3;
+
+/// Solves after which they are looked for anew.
+const GAP_AGE: usize = 128;
 
 /// Corrections that are made at most.
 const STEPS: usize = 8;
@@ -404,6 +416,76 @@ impl Primal {
             *residual = *reached;
         }
         norm(residual)
+    }
+
+    /// The rank of A where it is that which is held, of rows that stand open; the factor is that of τ between what counts and what
+    /// is dropped.
+    fn find_rank_between(&mut self, blocks: &Blocks) -> Option<usize> {
+        if !self.expect(blocks) {
+            return None;
+        }
+        let open = blocks.widest_gap();
+        // Beyond what open rows explain a rank rises.
+        let (least, most) = (CLEAR * self.rank_cut, CLEAR * blocks.explained_of_all(self.rank_cut).0);
+        let before = self.gap.take();
+        if let Some(mut gap) = before
+            && gap.age < GAP_AGE
+            && gap.widen(open, least, most)
+            && self.counts(gap.part)
+        {
+            gap.age += 1;
+            self.gap = Some(gap);
+            return Some(self.positive.iter().sum());
+        }
+        let unreached = before.map_or(UNREACHED, |gap| gap.unreached);
+        if !self.counts(least) {
+            return None;
+        }
+        let (mut lower, mut upper) = (self.part, self.part);
+        while upper * STRIDE <= MOST_PART && self.counts(upper * STRIDE) {
+            upper *= STRIDE;
+        }
+        while lower > LEAST && self.counts(lower / STRIDE) {
+            lower = self.part;
+        }
+        let (part, filter) = (self.part, Filter { kept: 1, dropped: 1 });
+        let mut gap = Gap { lower, upper, open, unreached, reckoned: 0.0, age: 0, part, filter };
+        gap.place(least, most)?;
+        self.gap = Some(gap);
+        self.counts(gap.part).then(|| self.positive.iter().sum())
+    }
+
+    /// Whether as many eigenvalues as are expected exceed a part of the largest.
+    fn counts(&mut self, part: f64) -> bool {
+        self.count(part).is_some() && self.positive == self.expected
+    }
+
+    /// Takes what no x can reach out of b, until next to nothing of x comes of what is left of it.
+    fn leave_out_beforehand(&mut self, rhs: &[f64]) -> Option<()> {
+        let mut gap = self.gap?;
+        let mut comes_back = f64::INFINITY;
+        for time in 1..=FILTERS {
+            self.residual.copy_from_slice(&self.target);
+            let reached = self.leave_out(gap.filter);
+            gap.unreached = distance(rhs, &self.target) / reached;
+            comes_back = gap.comes_back(time);
+            if comes_back <= NEGLIGIBLE {
+                break;
+            }
+        }
+        self.gap = Some(gap);
+        (comes_back <= NEGLIGIBLE).then_some(())
+    }
+
+    /// x ← F x, as often as rounding makes it necessary; later corrections put right what this changes of what counts.
+    fn drop_again(&mut self, x: &mut [f64]) {
+        let Self { plan, pull, force, gap, .. } = self;
+        for _ in 0..gap.map_or(1, Gap::drops) {
+            plan.ldl.solve(pull);
+            x.fill(0.0);
+            plan.add_and_transpose(pull, x, force);
+            std::mem::swap(pull, force);
+        }
     }
 
     fn figures(&self, rhs: &[f64], residual_rel: f64) -> Info {

@@ -1,23 +1,14 @@
 //! Redundant rows that stand open: their eigenvalues are small, but more than rounding.
 //!
-//! A rank r that is held says that they are dropped, and where τ lies between λᵣ and λᵣ₊₁ the factor of JᵀJ − τM proves it as for
+//! A rank r that is held says that they are dropped, and where τ lies between λᵣ and λᵣ₊₁ the factor of `JᵀJ − τM` proves it as for
 //! rows that are closed. What would come back of them in x is taken out of b beforehand, by a polynomial of F = J P⁻¹ Jᵀ, which is
 //! 1 + τ/σ where an eigenvalue counts, and −σ/τ of one that does not.
 
-use super::{CLEAR, LEAST, Primal, distance};
-use crate::problem::Blocks;
-
-/// Eigenvalues are looked for at parts of the largest that are so many times apart.
-const STRIDE: f64 = 5.0;
-
-/// Above this part of the largest nobody looks.
-const MOST: f64 = 1e-2;
-
 /// Part of x that may come back of what is dropped, or be lost of what counts.
-const NEGLIGIBLE: f64 = 1e-9;
+pub(super) const NEGLIGIBLE: f64 = 1e-9;
 
 /// Part of b that no x can reach, as long as nothing is known of it.
-const UNREACHED: f64 = 1e-3;
+pub(super) const UNREACHED: f64 = 1e-3;
 
 /// It may grow so many times before τ is placed anew.
 const GROWN: f64 = 4.0;
@@ -30,12 +21,6 @@ const ROUNDING: f64 = 10.0 * f64::EPSILON;
 
 /// Times that F is applied to the first x at most.
 const MOST_DROPS: usize = 6;
-
-/// Times that a filter is used at most.
-const FILTERS: usize = 3;
-
-/// Solves after which they are looked for anew.
-const AGE: usize = 128;
 
 /// Places of τ that are weighed.
 const PLACES: i32 = 12;
@@ -53,93 +38,21 @@ const HIGHEST: Filter = Filter { kept: 6, dropped: 8 };
 /// Parts of the largest eigenvalue between which there is none, and what follows.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Gap {
-    lower: f64,
-    upper: f64,
+    pub(super) lower: f64,
+    pub(super) upper: f64,
     /// How far rows stood open, the part of b that no x could reach, and that which was reckoned with.
-    open: f64,
-    unreached: f64,
-    reckoned: f64,
-    age: usize,
+    pub(super) open: f64,
+    pub(super) unreached: f64,
+    pub(super) reckoned: f64,
+    pub(super) age: usize,
     /// τ as a part of the largest eigenvalue.
-    part: f64,
-    filter: Filter,
-}
-
-impl Primal {
-    /// The rank of A where it is that which is held, of rows that stand open; the factor is that of τ between what counts and what
-    /// is dropped.
-    pub(super) fn find_rank_between(&mut self, blocks: &Blocks) -> Option<usize> {
-        if !self.expect(blocks) {
-            return None;
-        }
-        let open = blocks.widest_gap();
-        // Beyond what open rows explain a rank rises.
-        let (least, most) = (CLEAR * self.rank_cut, CLEAR * blocks.explained_of_all(self.rank_cut).0);
-        let before = self.gap.take();
-        if let Some(mut gap) = before
-            && gap.age < AGE
-            && gap.widen(open, least, most)
-            && self.counts(gap.part)
-        {
-            gap.age += 1;
-            self.gap = Some(gap);
-            return Some(self.positive.iter().sum());
-        }
-        let unreached = before.map_or(UNREACHED, |gap| gap.unreached);
-        if !self.counts(least) {
-            return None;
-        }
-        let (mut lower, mut upper) = (self.part, self.part);
-        while upper * STRIDE <= MOST && self.counts(upper * STRIDE) {
-            upper *= STRIDE;
-        }
-        while lower > LEAST && self.counts(lower / STRIDE) {
-            lower = self.part;
-        }
-        let (part, filter) = (self.part, Filter { kept: 1, dropped: 1 });
-        let mut gap = Gap { lower, upper, open, unreached, reckoned: 0.0, age: 0, part, filter };
-        gap.place(least, most)?;
-        self.gap = Some(gap);
-        self.counts(gap.part).then(|| self.positive.iter().sum())
-    }
-
-    /// Whether as many eigenvalues as are expected exceed a part of the largest.
-    fn counts(&mut self, part: f64) -> bool {
-        self.count(part).is_some() && self.positive == self.expected
-    }
-
-    /// Takes what no x can reach out of b, until next to nothing of x comes of what is left of it.
-    pub(super) fn leave_out_beforehand(&mut self, rhs: &[f64]) -> Option<()> {
-        let mut gap = self.gap?;
-        let mut comes_back = f64::INFINITY;
-        for time in 1..=FILTERS {
-            self.residual.copy_from_slice(&self.target);
-            let reached = self.leave_out(gap.filter);
-            gap.unreached = distance(rhs, &self.target) / reached;
-            comes_back = gap.comes_back(time);
-            if comes_back <= NEGLIGIBLE {
-                break;
-            }
-        }
-        self.gap = Some(gap);
-        (comes_back <= NEGLIGIBLE).then_some(())
-    }
-
-    /// x ← F x, as often as rounding makes it necessary; later corrections put right what this changes of what counts.
-    pub(super) fn drop_again(&mut self, x: &mut [f64]) {
-        let Self { plan, pull, force, gap, .. } = self;
-        for _ in 0..gap.map_or(1, Gap::drops) {
-            plan.ldl.solve(pull);
-            x.fill(0.0);
-            plan.add_and_transpose(pull, x, force);
-            std::mem::swap(pull, force);
-        }
-    }
+    pub(super) part: f64,
+    pub(super) filter: Filter,
 }
 
 impl Gap {
     /// Takes note of how far rows stand open, eigenvalues of what is dropped growing as its square; tells whether τ has a place.
-    fn widen(&mut self, open: f64, least: f64, most: f64) -> bool {
+    pub(super) fn widen(&mut self, open: f64, least: f64, most: f64) -> bool {
         let wider = open > WIDER * self.open;
         if wider {
             self.lower *= (open / self.open).powi(2);
@@ -150,7 +63,7 @@ impl Gap {
 
     /// Places τ, at most `most` of the largest eigenvalue and at least `least`, where corrections and a filter that is good enough take
     /// fewest solves; `None` if none is.
-    fn place(&mut self, least: f64, most: f64) -> Option<()> {
+    pub(super) fn place(&mut self, least: f64, most: f64) -> Option<()> {
         let (from, to) = (self.lower.max(least), self.upper.min(most).max(least));
         self.reckoned = (GROWN * self.unreached).max(f64::EPSILON);
         let mut fewest: Option<(f64, f64, Filter)> = None;
@@ -186,19 +99,17 @@ impl Gap {
 
     /// How often F has to be applied to the first x: rounding of the first δ is 1/τ times as large along what is dropped, and that of x
     /// √σ/τ times that.
-    fn drops(self) -> usize {
+    pub(super) fn drops(self) -> usize {
         let dropped = self.lower / self.part;
         let rounding = ROUNDING * self.lower.sqrt() / self.part.powi(2);
-        (1..MOST_DROPS)
-            .find(|&drops| rounding * dropped.powi(drops as i32) <= NEGLIGIBLE)
-            .unwrap_or(MOST_DROPS)
+        (1..MOST_DROPS).find(|&drops| rounding * power(dropped, drops) <= NEGLIGIBLE).unwrap_or(MOST_DROPS)
     }
 
     /// The part of x that may come of what is dropped after some filters: an eigenvalue σ brings back σ/τ² times what is left in b, and no x is smaller than
     /// b over the largest.
-    fn comes_back(&self, filters: usize) -> f64 {
+    pub(super) fn comes_back(&self, filters: usize) -> f64 {
         let dropped = self.lower / self.part;
-        dropped / self.part * self.filter.leak(dropped).powi(filters as i32) * self.unreached
+        dropped / self.part * power(self.filter.leak(dropped), filters) * self.unreached
     }
 }
 
@@ -219,13 +130,18 @@ impl Filter {
 
     /// What it lacks to 1, at most, where F is within ε of 1.
     fn loss(self, epsilon: f64) -> f64 {
-        choose(self.dropped + self.kept - 1, self.kept) * (2.0 * epsilon).powi(self.kept as i32)
+        choose(self.dropped + self.kept - 1, self.kept) * power(2.0 * epsilon, self.kept)
     }
 
     /// What it has beside 0, at most, where F is within ε of 0.
     fn leak(self, epsilon: f64) -> f64 {
-        choose(self.dropped + self.kept - 1, self.dropped) * epsilon.powi(self.dropped as i32)
+        choose(self.dropped + self.kept - 1, self.dropped) * power(epsilon, self.dropped)
     }
+}
+
+/// A whole power.
+fn power(base: f64, exponent: usize) -> f64 {
+    (0..exponent).map(|_| base).product()
 }
 
 /// n over k.
@@ -241,7 +157,7 @@ mod tests {
     fn filters_keep_what_is_near_one_and_drop_what_is_near_zero() {
         let apply = |filter: Filter, f: f64| {
             let terms = filter.coefficients().into_iter().take(filter.kept).enumerate();
-            terms.map(|(i, c)| c * f.powi((filter.dropped + i) as i32)).sum::<f64>()
+            terms.map(|(i, c)| c * power(f, filter.dropped + i)).sum::<f64>()
         };
         for filter in [(1, 1), (2, 2), (1, 4), (3, 2), (4, 6)].map(|(kept, dropped)| Filter { kept, dropped })
         {
@@ -249,10 +165,11 @@ mod tests {
                 let (lost, left) = (1.0 - apply(filter, 1.0 + epsilon), apply(filter, -epsilon));
                 let rounding = 1e-13;
                 assert!(lost.abs() <= filter.loss(epsilon) + rounding, "{filter:?}, {epsilon}: {lost:e}");
-                let leak = filter.leak(epsilon) * (1.0 + epsilon).powi(filter.kept as i32 * 3);
+                let leak = filter.leak(epsilon) * power(1.0 + epsilon, 3 * filter.kept);
                 assert!(left.abs() <= leak + rounding, "{filter:?}, {epsilon}: {left:e}");
             }
         }
-        assert_eq!(Filter { kept: 2, dropped: 2 }.coefficients()[..2], [3.0, -2.0]);
+        let squares = Filter { kept: 2, dropped: 2 }.coefficients();
+        assert!((squares[0] - 3.0).abs() < 1e-15 && (squares[1] + 2.0).abs() < 1e-15);
     }
 }
