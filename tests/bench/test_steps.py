@@ -4,7 +4,7 @@ import json
 
 import pytest
 from oarlock import InputError
-from oarlock.bench.steps import BARE, RUNS, bench_stepping
+from oarlock.bench.steps import BARE, CONTACTS, EXACT, PROJECTED, RUNS, Track, bench_stepping
 from oarlock.cli.app import main
 from oarlock.stepping import native_path
 
@@ -26,6 +26,13 @@ def test_everyone_takes_part():
     assert min(row["step_us"] for row in bare) == pytest.approx(
         next(row["step_us"] for row in bare if row["ratio_to_fastest"] == 1)
     )
+
+
+@pytest.mark.parametrize("model", CONTACTS)
+def test_a_step_with_contacts_is_timed_beside_mj_step_at_its_default_tolerance(model):
+    (table,) = bench_stepping([model], rounds=1, steps=5, names=(BARE, EXACT, PROJECTED))
+    assert [row["name"] for row in table] == [BARE, EXACT, PROJECTED]
+    assert Track(model, 5).model.opt.tolerance == 1e-8
 
 
 def test_without_the_native_path_there_is_nothing_to_time(monkeypatch):

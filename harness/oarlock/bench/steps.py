@@ -27,11 +27,15 @@ from oarlock.stepping.python_path import PythonPath
 from oarlock.stepping.solvers import MUJOCO, SolverSpec
 
 MODELS = ("boat", "four_bar", "n_four_bar:N=10,connects=2", "n_four_bar:N=40,connects=2")
+CONTACTS = ("gripping_gripper", "standing_leg")
+"""Models in whose walks contacts push at every step: an exact step of theirs should cost no more than ``mj_step``."""
 STEPS = 2000
 ROUNDS = 15
 RUNS = 16
 
 BARE = "mj_step"
+EXACT = "exact free run, auto"
+PROJECTED = f"{EXACT}, projected"
 _JACOBIANS = {
     "dense": mujoco.mjtJacobian.mjJAC_DENSE,
     "sparse": mujoco.mjtJacobian.mjJAC_SPARSE,
@@ -49,6 +53,9 @@ SETTINGS = {
     for without, switches in _SWITCHES.items()
 }
 """Setting of MuJoCo → its Jacobian, and whether it has islands and timers where that is not as usual."""
+
+_TOLERANCE = mujoco.MjSpec().option.tolerance
+"""MuJoCo's default."""
 
 _APART, _TOGETHER = ", one after another", ", on all cores"
 
@@ -103,11 +110,12 @@ class Track:
     def contenders(self) -> dict[str, Contender]:
         """All that a table of steps compares, by name."""
         bare = {name: self.bare(jacobian, **switches) for name, (jacobian, switches) in SETTINGS.items()}
-        exact = {f"exact free run, {solver}": self.free(solver) for solver in ("auto", "sr1-tracked")}
+        exact = {EXACT: self.free("auto"), "exact free run, sr1-tracked": self.free("sr1-tracked")}
         return {
             BARE: self.bare(),
             **bare,
             **exact,
+            PROJECTED: self.free("auto", projected=True),
             "lockstep, sr1-tracked, all figures, recorded": self._lockstep(),
             "the same on the Python path": self._python(),
             **self._many(f"{RUNS} runs", self._recorded()),
@@ -121,6 +129,8 @@ class Track:
             setup.qpos, setup.qvel = self._start(setup.model)
         if jacobian is not None:
             setup.model.opt.jacobian = jacobian
+        # A model that is a reference asks MuJoCo's solver to go on until nothing improves.
+        setup.model.opt.tolerance = max(setup.model.opt.tolerance, _TOLERANCE)
         if not islands:
             set_islands(setup.model, False)
         return setup
@@ -142,9 +152,9 @@ class Track:
         """Runs of ``mj_step`` alone."""
         return self._path(self._setup(jacobian, islands)).core.bare
 
-    def free(self, solver: str) -> Contender:
-        """A free run on exact constraints, nothing recorded."""
-        runs = self.free_runs(solver)
+    def free(self, solver: str, *, projected: bool = False) -> Contender:
+        """A free run on exact constraints, nothing recorded; a projection may end every step."""
+        runs = self.free_runs(solver, projected=projected)
         return lambda: self._timed(runs(self.steps).walk)
 
     def walked(self, solver: str) -> core.Run:
@@ -153,11 +163,12 @@ class Track:
         run.walk()
         return run
 
-    def free_runs(self, solver: str) -> Runs:
+    def free_runs(self, solver: str, *, projected: bool = False) -> Runs:
         """Free runs on exact constraints."""
         core = self._path(self._setup()).core
         own = self.solver(solver)
-        return lambda steps: core.free_solved(steps, "hard", own)
+        last = self.solver(solver) if projected else None
+        return lambda steps: core.free_solved(steps, "hard", own, last)
 
     def solver(self, name: str) -> core.MultiplierSolver:
         """A new solver, with the rank cut of the case."""
@@ -211,9 +222,12 @@ class Track:
 
 
 def bench_stepping(
-    models: tuple[str, ...] | list[str] = MODELS, rounds: int = ROUNDS, steps: int = STEPS
+    models: tuple[str, ...] | list[str] = MODELS,
+    rounds: int = ROUNDS,
+    steps: int = STEPS,
+    names: tuple[str, ...] | None = None,
 ) -> Iterator[list[dict[str, Any]]]:
-    """The table of each model as soon as it is measured.
+    """The table of each model as soon as it is measured; of some ``names`` only, which follow one another closely then.
 
     Every row has model, name, step_us (median), ratio to bare ``mj_step``, ratio_to_fastest, to its fastest setting,
     and speedup, of runs on all cores over the same one after another, else None (medians of the ratios of each round).
@@ -222,7 +236,8 @@ def bench_stepping(
         InputError: the native path cannot be taken, or there is no such model.
     """
     for model in models:
-        contenders = Track(model, steps).contenders()
+        everyone = Track(model, steps).contenders()
+        contenders = {name: once for name, once in everyone.items() if names is None or name in names}
         times: dict[str, list[float]] = {name: [] for name in contenders}
         with quiet_engine():
             for _ in range(rounds):

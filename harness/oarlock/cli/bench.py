@@ -18,6 +18,10 @@ def bench(
     model: Annotated[
         list[str] | None, typer.Option(metavar="MODEL", help="Steps only: of this model; may be repeated.")
     ] = None,
+    contacts: Annotated[
+        bool,
+        typer.Option("--contacts", help="Contacts only: an exact step with contacts beside mj_step, in turns."),
+    ] = False,
     with_growth: Annotated[
         bool,
         typer.Option("--growth", help="Growth only: a step and its parts against the number of loops, for minutes."),
@@ -46,12 +50,17 @@ def bench(
 
     rows, steps, grown = [], [], None
     growing = with_growth or growth_report is not None or bool(family)
-    everything = not (size or model or growing)
+    everything = not (size or model or contacts or growing)
     for table in benchmark.bench(size, rounds) if size or everything else ():
         rows += table
         if as_json != "-":
             _print_bench(table)
     for table in stepping_bench.bench_stepping(model or stepping_bench.MODELS, rounds) if model or everything else ():
+        steps += table
+        if as_json != "-":
+            _print_stepping_bench(table)
+    turns = (stepping_bench.BARE, stepping_bench.EXACT, stepping_bench.PROJECTED)
+    for table in stepping_bench.bench_stepping(stepping_bench.CONTACTS, rounds, names=turns) if contacts else ():
         steps += table
         if as_json != "-":
             _print_stepping_bench(table)

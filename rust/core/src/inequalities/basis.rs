@@ -43,6 +43,8 @@ pub(super) struct Basis {
     /// Reflectors below, R above the diagonal; columns of W.
     factor: Vec<f64>,
     diagonal: Vec<f64>,
+    /// Products of the first reflector with the second, of the third with the fourth …
+    between: Vec<f64>,
     order: Vec<usize>,
     /// See [`pivoted`].
     left: Vec<f64>,
@@ -87,8 +89,7 @@ impl Basis {
             self.factor.extend(self.velocities.iter().map(|&velocity| column[velocity] * size));
         }
         self.left.clear();
-        let columns = (0..given.len()).map(|index| &self.factor[index * height..(index + 1) * height]);
-        self.left.extend(columns.map(|column| dot_in_lanes(column, column)));
+        self.left.extend(given.iter().zip(&self.sizes).map(|(&row, size)| squares[row] * size * size));
         let trace = self.left.iter().sum();
         self.order.clear();
         self.order.extend(0..given.len());
@@ -127,6 +128,11 @@ impl Basis {
             #[inline(always)]
             || pivoted(height, least, factor, order, diagonal, (&mut *left, &mut *known)),
         );
+        self.between.clear();
+        for col in (1..self.diagonal.len()).step_by(2) {
+            let (one, other) = self.factor[(col - 1) * height..(col + 1) * height].split_at(height);
+            self.between.push(dot_in_lanes(&one[col..], &other[col..]));
+        }
     }
 
     /// An entry of R, in the units of the rows.
@@ -210,9 +216,11 @@ impl Basis {
         self.work.extend(self.order.iter().map(|&index| parts.rhs[given[index]]));
         if rank == count && self.turns.is_empty() {
             // As many as rows: forward substitution with Rᵀ.
+            // In units of its size each, which is exact: both are multiplied by a power of two.
             for row in 0..rank {
-                let known: f64 = (0..row).map(|k| self.entry(height, k, row) * self.fixed[k]).sum();
-                self.fixed.push((self.work[row] - known) / self.entry(height, row, row));
+                let own = &self.factor[row * height..][..row];
+                let wanted = self.work[row] * self.sizes[self.order[row]];
+                self.fixed.push((wanted - dot_in_lanes(own, &self.fixed)) / self.diagonal[row]);
             }
             return;
         }
@@ -272,7 +280,12 @@ impl Basis {
     #[inline(always)]
     fn turn_into(&mut self, w: &mut [Pack]) {
         let (height, found) = (w.len(), self.diagonal.len());
-        for col in 0..found {
+        for (&between, col) in self.between.iter().zip((0..found).step_by(2)) {
+            let (one, other) = self.factor[col * height..(col + 2) * height].split_at(height);
+            packs::reflect_twice(&one[col..], &other[col + 1..], between, &mut w[col..]);
+        }
+        if !found.is_multiple_of(2) {
+            let col = found - 1;
             packs::reflect(&self.factor[col * height + col..(col + 1) * height], &mut w[col..]);
         }
         if !self.turns.is_empty() {

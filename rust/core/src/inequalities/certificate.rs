@@ -15,7 +15,7 @@ use super::costs::{Piece, evaluate};
 use super::frame::Frame;
 use super::rows::{Group, InequalityStep};
 use crate::error::{Error, check_finite};
-use crate::linalg::kernels::{dot_in_lanes, norm};
+use crate::linalg::kernels::dot_in_lanes;
 
 /// Largest gradient of a certified answer, relative to the forces: what the promise of an acceleration, 1e-6 of its largest entry, leaves room
 /// for where the stiffness of a row is what its inertia asks for.
@@ -92,18 +92,29 @@ impl Notary {
         let cost = evaluate(step, &self.x, &mut self.f, &mut self.pieces);
         check_finite("forces of the rows", &self.f)?;
 
-        let work = &mut self.work;
-        let size = length(work, frame.lengths.iter().zip(forces).map(|(length, force)| length * force))
-            .hypot(frame.fixed);
-        self.noise.clear();
-        let terms = frame.terms.iter().zip(rates).zip(&frame.lengths);
-        self.noise
-            .extend(terms.map(|((terms, rate), length)| ROUNDING * (terms + rate.abs() + length * size)));
-        let off = length(work, (0..m).map(|row| frame.lengths[row] * (forces[row] - self.f[row])));
+        let Self { f, pieces, noise, work, .. } = self;
+        let (lengths, terms) = (&frame.lengths[..m], &frame.terms[..m]);
+        let size = length(work, lengths.iter().zip(forces).map(|(length, force)| length * force));
+        let size = size.hypot(frame.fixed);
+        noise.clear();
+        noise.extend(
+            terms
+                .iter()
+                .zip(rates)
+                .zip(lengths)
+                .map(|((terms, rate), length)| ROUNDING * (terms + rate.abs() + length * size)),
+        );
+        let pairs = || lengths.iter().zip(forces.iter().zip(&*f));
+        let off = length(work, pairs().map(|(length, (force, own))| length * (force - own)));
         // Where x is on the other side of a kink than the forces, rounding may have put it there.
-        let noisy = |row: usize| self.pieces[row].is_curved() || forces[row] - self.f[row] != 0.0;
-        let shaken = |row: usize| frame.lengths[row] * step.stiffness[row] * self.noise[row];
-        let noise = length(work, (0..m).map(|row| if noisy(row) { shaken(row) } else { 0.0 }));
+        let known = pairs().zip(&*pieces).zip(step.stiffness.iter().zip(&*noise));
+        let noise = length(
+            work,
+            known.map(|(((length, (force, own)), piece), (stiffness, noise))| {
+                let noisy = piece.is_curved() || force - own != 0.0;
+                if noisy { length * stiffness * noise } else { 0.0 }
+            }),
+        );
         let (own, complementarity, gap, outside) = self.gaps(step, forces, cost);
         // Beside a mechanism that is hard at work, a row that hardly works is off by the rounding of the others.
         let energy = own + size * size;
@@ -130,11 +141,11 @@ impl Notary {
             let rows = row..row + dim;
             let pairs = forces[rows.clone()].iter().zip(&self.x[rows.clone()]);
             for ((f, x), stiffness) in pairs.zip(&step.stiffness[rows]) {
-                let spent = f * f / stiffness;
-                own += f * x + spent;
+                let (spent, product) = (f * f / stiffness, f * x);
+                own += product + spent;
                 dual += 0.5 * spent;
-                gap += f * x;
-                energy += (f * x).abs() + spent;
+                gap += product;
+                energy += product.abs() + spent;
             }
             gap += dual;
             match group {
@@ -147,10 +158,9 @@ impl Notary {
                 }
                 Group::Unilateral => outside = outside.max(-forces[row]),
                 Group::Cone { friction, .. } => {
-                    let tangent: [f64; 5] = std::array::from_fn(|j| {
-                        if j + 1 < dim { forces[row + 1 + j] / friction[j] } else { 0.0 }
-                    });
-                    outside = outside.max(norm(&tangent) - forces[row]);
+                    let tangents = forces[row + 1..row + dim].iter().zip(friction);
+                    let squares = tangents.map(|(force, friction)| (force / friction).powi(2));
+                    outside = outside.max(squares.sum::<f64>().sqrt() - forces[row]);
                 }
             }
             complementarity = complementarity.max(own.abs());
@@ -161,6 +171,7 @@ impl Notary {
 }
 
 /// √Σ x², also where squares overflow or underflow; `work` is workspace.
+#[inline]
 fn length(work: &mut Vec<f64>, entries: impl Iterator<Item = f64>) -> f64 {
     work.clear();
     work.extend(entries);

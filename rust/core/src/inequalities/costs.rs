@@ -160,7 +160,12 @@ pub(super) fn evaluate(step: &InequalityStep<'_>, x: &[f64], f: &mut [f64], piec
                 piece
             }
         };
-        pieces[row..row + dim].fill(piece);
+        // A call that fills memory costs more than a few bytes do.
+        match &mut pieces[row..row + dim] {
+            [one] => *one = piece,
+            [one, two, three] => (*one, *two, *three) = (piece, piece, piece),
+            others => others.fill(piece),
+        }
         row += dim;
     }
     cost
@@ -259,13 +264,13 @@ pub(super) fn curvatures(step: &InequalityStep<'_>, x: &[f64], pieces: &[Piece],
             found.push(Curvature::single(first, step.stiffness[first].sqrt()));
             continue;
         };
-        let cone = Cone::at(dim, *mu, friction, step.stiffness[first], &x[first..first + dim]);
         if piece == Piece::Stick {
-            let root = cone.stiffness.sqrt();
-            for (j, scale) in cone.scales[..dim].iter().enumerate() {
-                found.push(Curvature::single(first + j, root * scale));
-            }
+            let root = (step.stiffness[first] / (mu * mu)).sqrt();
+            found.push(Curvature::single(first, root * mu));
+            let tangents = (first + 1..first + dim).zip(friction);
+            found.extend(tangents.map(|(row, scale)| Curvature::single(row, root * scale)));
         } else {
+            let cone = Cone::at(dim, *mu, friction, step.stiffness[first], &x[first..first + dim]);
             sliding_curvature(&cone, first, found);
         }
     }

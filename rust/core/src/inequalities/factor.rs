@@ -186,13 +186,38 @@ fn solve(n: usize, matrix: &[f64], x: &mut [f64]) {
 #[allow(clippy::inline_always)]
 #[inline(always)]
 fn squares_fixed<const N: usize>(b: &[Pack], matrix: &mut [f64]) {
-    squares(N, b, &mut matrix[..N * N]);
+    let (rows, _) = b.as_chunks::<N>();
+    for (col, column) in matrix.chunks_exact_mut(N).enumerate() {
+        // Whole columns: their sums stay in registers.
+        let mut sums = [packs::NONE; N];
+        for own in rows {
+            for (sum, row) in sums.iter_mut().zip(own) {
+                packs::add_product(&own[col], row, sum);
+            }
+        }
+        column.iter_mut().zip(&sums).for_each(|(entry, sum)| *entry = packs::total(sum));
+    }
 }
 
 #[allow(clippy::inline_always)]
 #[inline(always)]
 fn factor_fixed<const N: usize>(matrix: &mut [f64]) {
-    factor(N, &mut matrix[..N * N]);
+    let (columns, _) = matrix.as_chunks_mut::<N>();
+    let columns = &mut columns[..N];
+    for col in 0..N {
+        let (own, others) = columns[col..].split_at_mut(1);
+        let own = &mut own[0];
+        // Rounding of large entries may leave less than the 1 that stands there.
+        let inverse = own[col].max(f64::EPSILON).recip();
+        let scaled = own.map(|entry| entry * inverse);
+        // Whole columns, which are vectors: what stands above the diagonal is written anew in the end.
+        for (other, &entry) in others.iter_mut().zip(&own[col + 1..]) {
+            other.iter_mut().zip(&scaled).for_each(|(other, scaled)| *other -= entry * scaled);
+        }
+        *own = scaled;
+        own[col] = inverse;
+    }
+    mirror(N, &mut matrix[..N * N]);
 }
 
 #[allow(clippy::inline_always)]

@@ -51,6 +51,8 @@ pub(super) struct Frame {
     pub(super) terms: Vec<f64>,
     /// Rows that no admissible motion moves.
     pub(super) immobile: Vec<bool>,
+    /// Whether there are any.
+    pub(super) has_immobile: bool,
     /// ‖y*‖ of the touched blocks: what the equality rows alone make of the acceleration.
     pub(super) fixed: f64,
     /// W row after row, as a caller's factor makes it.
@@ -58,6 +60,7 @@ pub(super) struct Frame {
     indices: Vec<usize>,
     part: Vec<Pack>,
     sums: Vec<Pack>,
+    sums_of: Vec<f64>,
 }
 
 impl Frame {
@@ -93,7 +96,7 @@ impl Frame {
             let whitened = &mut self.whitened;
             widest(
                 #[inline(always)]
-                || whitened.chunks_exact_mut(nv).for_each(|pack| tree.whiten_pack(pack)),
+                || tree.whiten_packs(whitened),
             );
         } else {
             self.plain.clear();
@@ -122,21 +125,30 @@ impl Frame {
         // Blocks that are held do not follow the velocities that their rows come to touch.
         self.owners.clear();
         self.owners.resize(nv, NOBODY);
+        // Sums of magnitudes are zero where everything is.
         for block in 0..blocks.len() {
+            self.sums_of.clear();
+            self.sums_of.resize(nv, 0.0);
             for &row in blocks.of(block) {
                 let column = &parts.whitened[row * nv..(row + 1) * nv];
-                for (owner, entry) in self.owners.iter_mut().zip(column) {
-                    *owner = if *entry == 0.0 { *owner } else { block };
-                }
+                self.sums_of.iter_mut().zip(column).for_each(|(sum, entry)| *sum += entry.abs());
+            }
+            for (owner, sum) in self.owners.iter_mut().zip(&self.sums_of) {
+                *owner = if *sum == 0.0 { *owner } else { block };
+            }
+        }
+        self.sums.clear();
+        self.sums.resize(nv, packs::NONE);
+        for pack in self.whitened.chunks_exact(nv) {
+            for (sum, entry) in self.sums.iter_mut().zip(pack) {
+                add_scaled(1.0, &entry.map(f64::abs), sum);
             }
         }
         self.touched.clear();
         self.loose.clear();
-        for velocity in 0..nv {
-            if self.whitened.iter().skip(velocity).step_by(nv).all(packs::is_zero) {
-                continue;
-            }
+        for (velocity, sum) in self.sums.iter().enumerate() {
             match self.owners[velocity] {
+                _ if packs::is_zero(sum) => {}
                 NOBODY => self.loose.push(velocity),
                 block if self.touched.contains(&block) => {}
                 block => self.touched.push(block),
@@ -181,6 +193,7 @@ impl Frame {
     #[inline(always)]
     fn reduce_packs(&mut self, start: &[f64], aref: &[f64]) {
         let (nv, size) = (start.len(), self.size);
+        self.has_immobile = false;
         for pack in 0..packs_of(self.count) {
             let (given, whitened) = (&self.given[pack * nv..][..nv], &self.whitened[pack * nv..][..nv]);
             let rows = &mut self.rows[pack * size..][..size];
@@ -212,6 +225,7 @@ impl Frame {
                 // What equality rows hold is taken out.
                 let immobile = reaches[lane] <= IMMOBILE * length && length > 0.0;
                 if immobile {
+                    self.has_immobile = true;
                     for entry in &mut *rows {
                         entry[lane] = 0.0;
                     }

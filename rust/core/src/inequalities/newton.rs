@@ -226,8 +226,11 @@ impl Newton {
 
     /// ‖z − Gᵀf‖ relative to ‖z‖ + Σ‖g‖|f|.
     fn relative_gradient(&self, frame: &Frame) -> f64 {
-        let pulls = frame.reaches.iter().zip(&self.f).map(|(reach, force)| reach * force.abs());
-        let (gradient, scale) = (norm(&self.gradient), norm(&self.z) + pulls.sum::<f64>());
+        let mut pulls = packs::NONE;
+        for (reaches, forces) in frame.reaches.as_chunks().0.iter().zip(self.f.as_chunks().0) {
+            packs::add_product(reaches, &forces.map(f64::abs), &mut pulls);
+        }
+        let (gradient, scale) = (norm(&self.gradient), norm(&self.z) + packs::total(&pulls));
         if scale > 0.0 { gradient / scale } else { 0.0 }
     }
 
@@ -357,28 +360,29 @@ impl Newton {
     fn linearise(&mut self, frame: &Frame, step: &InequalityStep<'_>) {
         let size = frame.size;
         curvatures(step, &self.x, &self.pieces, &mut self.curvatures);
-        self.curvatures.retain(|curvature| curvature.entries().any(|(row, _)| !frame.immobile[row]));
+        if frame.has_immobile {
+            self.curvatures.retain(|curvature| curvature.entries().any(|(row, _)| !frame.immobile[row]));
+        }
         let count = self.curvatures.len();
-        self.b.clear();
+        // Every entry is written below.
         self.b.resize(packs_of(count) * size, packs::NONE);
-        self.u.clear();
         self.u.resize(packs_of(count) * LANES, 0.0);
-        for (index, some) in self.curvatures.chunks(LANES).enumerate() {
-            let own = &mut self.b[index * size..][..size];
-            let u = &mut self.u[index * LANES..][..LANES];
-            for (lane, curvature) in some.iter().enumerate() {
-                for (row, entry) in curvature.entries() {
-                    u[lane] -= entry * frame.offsets[row];
-                }
-            }
+        let Self { curvatures, b, u, .. } = self;
+        for (index, (some, u)) in curvatures.chunks(LANES).zip(u.as_chunks_mut().0).enumerate() {
+            let own = &mut b[index * size..][..size];
             if let Some((pack, entries)) = in_order(some) {
+                let offsets = &frame.offsets[pack * LANES..][..LANES];
+                *u = std::array::from_fn(|lane| -entries[lane] * offsets[lane]);
                 for (own, row) in own.iter_mut().zip(&frame.rows[pack * size..][..size]) {
-                    packs::add_product(row, &entries, own);
+                    *own = std::array::from_fn(|lane| entries[lane] * row[lane]);
                 }
                 continue;
             }
+            own.fill(packs::NONE);
+            *u = packs::NONE;
             for (lane, curvature) in some.iter().enumerate() {
                 for (row, entry) in curvature.entries() {
+                    u[lane] -= entry * frame.offsets[row];
                     let rows = &frame.rows[row / LANES * size..][..size];
                     own.iter_mut().zip(rows).for_each(|(own, rows)| own[lane] += entry * rows[row % LANES]);
                 }

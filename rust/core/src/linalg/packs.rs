@@ -86,6 +86,26 @@ pub(crate) fn reflect(v: &[f64], x: &mut [Pack]) {
     }
 }
 
+/// The same by v and then by w, which is shorter by the first entry of v: entries are looked at once for both. `between` is the product
+/// of w and what v has beside it.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn reflect_twice(v: &[f64], w: &[f64], between: f64, x: &mut [Pack]) {
+    let ([head, v @ ..], [first, x @ ..]) = (v, x) else { return };
+    let (mut along, mut then) = (NONE, NONE);
+    add_scaled(*head, first, &mut along);
+    for ((x, &v), &w) in x.iter().zip(v).zip(w) {
+        add_scaled(v, x, &mut along);
+        add_scaled(w, x, &mut then);
+    }
+    add_scaled(-between, &along, &mut then);
+    add_scaled(-head, &along, first);
+    for ((x, &v), &w) in x.iter_mut().zip(v).zip(w) {
+        add_scaled(-v, &along, x);
+        add_scaled(-w, &then, x);
+    }
+}
+
 /// Puts rows of `width` entries, row after row, side by side.
 pub(crate) fn gather(width: usize, rows: &[f64], packs: &mut Vec<Pack>) {
     packs.clear();
@@ -176,5 +196,19 @@ mod tests {
             assert!((before - after).abs() < 1e-13, "{before}, {after}");
         }
         assert!((total(&x[0]) - x[0].iter().sum::<f64>()).abs() < 1e-13);
+    }
+
+    #[test]
+    fn two_reflections_at_once_are_one_after_the_other() {
+        let mut x: Vec<Pack> =
+            (0..4).map(|k| std::array::from_fn(|lane| (3 * lane + k) as f64 - 4.5)).collect();
+        let mut expected = x.clone();
+        let (v, w) = ([0.6, -0.8, 1.0, 0.3], [0.9, 0.1, -0.7]);
+        reflect(&v, &mut expected);
+        reflect(&w, &mut expected[1..]);
+        reflect_twice(&v, &w, v[1] * w[0] + v[2] * w[1] + v[3] * w[2], &mut x);
+        for (got, expected) in x.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!((got - expected).abs() < 1e-13, "{got}, not {expected}");
+        }
     }
 }

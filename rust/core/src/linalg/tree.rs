@@ -176,11 +176,37 @@ impl Tree {
         }
     }
 
-    /// The same of several vectors.
+    /// The same of several vectors, `len` packs each four: two packs at once as far as there are two, which share the way along
+    /// the tree.
     #[allow(clippy::inline_always)]
     #[inline(always)]
-    pub(crate) fn whiten_pack(&self, x: &mut [Pack]) {
-        for row in (0..self.len()).rev() {
+    pub(crate) fn whiten_packs(&self, x: &mut [Pack]) {
+        let nv = self.len();
+        let mut pairs = x.chunks_exact_mut(2 * nv);
+        for pair in &mut pairs {
+            let (one, other) = pair.split_at_mut(nv);
+            for row in (0..nv).rev() {
+                let (a, b) = (one[row], other[row]);
+                if !(is_zero(&a) && is_zero(&b)) {
+                    let (columns, range) = self.above(row);
+                    for (&column, &factor) in columns.iter().zip(&self.factor[range]) {
+                        add_scaled(-factor, &a, &mut one[column]);
+                        add_scaled(-factor, &b, &mut other[column]);
+                    }
+                }
+            }
+            for ((a, b), root) in one.iter_mut().zip(other).zip(&self.roots) {
+                (*a, *b) = (a.map(|entry| entry * root), b.map(|entry| entry * root));
+            }
+        }
+        self.whiten_pack(pairs.into_remainder());
+    }
+
+    /// The same of four vectors, or of none.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn whiten_pack(&self, x: &mut [Pack]) {
+        for row in (0..x.len()).rev() {
             let entry = x[row];
             if !is_zero(&entry) {
                 let (columns, range) = self.above(row);
@@ -232,7 +258,7 @@ mod tests {
         let scale = |lane: usize| 0.5 * lane as f64 - 1.0;
         let mut whitened: Vec<Pack> =
             product.iter().map(|&entry| std::array::from_fn(|lane| entry * scale(lane))).collect();
-        tree.whiten_pack(&mut whitened);
+        tree.whiten_packs(&mut whitened);
         for lane in 0..whitened[0].len() {
             let found: f64 = whitened.iter().map(|pack| pack[lane] * pack[lane]).sum();
             assert!((found - x.dot(&product) * scale(lane).powi(2)).abs() < 1e-11, "{found}");

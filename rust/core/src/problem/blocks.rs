@@ -206,10 +206,18 @@ impl Blocks {
             return 1.0;
         }
         let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+        let mut last = None;
         for &row in rows {
             // Rows of one constraint follow one another, and few are so many that looking for them costs.
-            let same = rows.iter().filter(|&&other| self.constraints[other] == self.constraints[row]);
-            let size = same.fold(0.0_f64, |size, &other| size.max(diagonal(other)));
+            let own = self.constraints[row];
+            let size = match last {
+                Some((constraint, size)) if constraint == own => size,
+                _ => {
+                    let same = rows.iter().filter(|&&other| self.constraints[other] == own);
+                    same.fold(0.0_f64, |size, &other| size.max(diagonal(other)))
+                }
+            };
+            last = Some((own, size));
             sizes.push(size);
             if size > f64::MIN_POSITIVE {
                 (least, most) = (least.min(size), most.max(size));

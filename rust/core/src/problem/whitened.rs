@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::fold::Fold;
 use crate::linalg::kernels::widest;
-use crate::linalg::packs::{self, LANES, Pack};
+use crate::linalg::packs::{self, LANES, Pack, packs_of};
 use crate::linalg::rows::SparseRows;
 use crate::linalg::spans::{Envelope, Spans};
 use crate::linalg::tree::Tree;
@@ -38,23 +38,27 @@ impl Whitened {
     pub(crate) fn make(&mut self, given: Sparse<'_>) -> bool {
         let (nv, Sparse { rows, fold, tree, .. }) = (self.columns.nrows(), given);
         let (packs, mut classes) = (&mut self.packs, fold.classes());
-        for some in self.columns.as_mut_slice().chunks_mut(LANES * nv.max(1)) {
+        // Two packs of rows at once.
+        for some in self.columns.as_mut_slice().chunks_mut(2 * LANES * nv.max(1)) {
+            let count = some.len() / nv.max(1);
             packs.clear();
-            packs.resize(nv, packs::NONE);
-            let mut scales = [1.0; LANES];
-            for lane in 0..some.len() / nv.max(1) {
-                if let Some((representative, scale)) = classes.next() {
+            packs.resize(packs_of(count) * nv, packs::NONE);
+            let mut scales = [1.0; 2 * LANES];
+            for (place, scale) in scales[..count].iter_mut().enumerate() {
+                if let Some((representative, own)) = classes.next() {
                     let (columns, values) = rows.row(representative);
-                    columns.iter().zip(values).for_each(|(&column, &value)| packs[column][lane] = value);
-                    scales[lane] = scale;
+                    let (pack, lane) = (&mut packs[place / LANES * nv..][..nv], place % LANES);
+                    columns.iter().zip(values).for_each(|(&column, &value)| pack[column][lane] = value);
+                    *scale = own;
                 }
             }
             widest(
                 #[inline(always)]
-                || tree.whiten_pack(packs),
+                || tree.whiten_packs(packs),
             );
-            for (lane, (column, scale)) in some.chunks_exact_mut(nv.max(1)).zip(scales).enumerate() {
-                column.iter_mut().zip(packs.iter()).for_each(|(entry, pack)| *entry = pack[lane] * scale);
+            for (place, (column, scale)) in some.chunks_exact_mut(nv.max(1)).zip(scales).enumerate() {
+                let (pack, lane) = (&packs[place / LANES * nv..][..nv], place % LANES);
+                column.iter_mut().zip(pack).for_each(|(entry, pack)| *entry = pack[lane] * scale);
             }
         }
         self.locate()
