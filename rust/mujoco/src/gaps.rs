@@ -5,12 +5,8 @@ use oarlock_core::ConstrainedSystem;
 use crate::kinematics::index;
 use crate::library::{Data, EQ_JOINT, EQ_WELD, Model};
 
-/// Part of a lever that a row has to stand open by for its length to be looked for anew: what that gap explains, 1e-14, is rounding.
-const CLOSED: f64 = 1e-9;
-
-/// Steps after which levers of open rows are looked for anew: they change as slowly as a mechanism moves, and only their order of
-/// magnitude counts.
-const EVERY: u32 = 16;
+/// Part of a lever that a row has to stand open by for its length to be looked for anew: solvers ask no smaller ones.
+const CLOSED: f64 = 1e-12;
 
 /// The gaps of the rows of one model's states.
 #[derive(Debug, Clone)]
@@ -19,7 +15,6 @@ pub struct Gaps {
     turning: Vec<bool>,
     /// Lever of each equality as it was last looked for, m; 0 before.
     levers: Vec<f64>,
-    calls: u32,
     /// Of each row.
     relative: Vec<f64>,
 }
@@ -40,7 +35,7 @@ impl Gaps {
             };
             turning[turns].fill(true);
         }
-        Self { turning, levers: vec![0.0; model.eq_type().len()], calls: 0, relative: Vec::new() }
+        Self { turning, levers: vec![0.0; model.eq_type().len()], relative: Vec::new() }
     }
 
     /// Asks to hold the rank of the rows along the path that a data is on, with what the rows are of.
@@ -50,7 +45,6 @@ impl Gaps {
     pub fn hold(&mut self, data: &Data, system: &mut ConstrainedSystem) {
         let (ids, kinds, rows) = (data.id(), data.model().eq_type(), data.jacobian());
         self.relative.clear();
-        self.calls = self.calls.wrapping_add(1);
         let mut row = 0;
         while row < ids.len() {
             let owner = ids[row];
@@ -59,8 +53,7 @@ impl Gaps {
             let moved = if kind == EQ_WELD { (row + 3).min(end) } else { end };
             let open = data.pos()[row..moved].iter().fold(0.0_f64, |most, gap| most.max(gap.abs()));
             let length = &mut self.levers[index(owner)];
-            let due = *length == 0.0 || self.calls.is_multiple_of(EVERY);
-            if kind != EQ_JOINT && due && open > CLOSED * *length {
+            if kind != EQ_JOINT && open > CLOSED * *length {
                 *length = 0.0;
                 for row in row..moved {
                     rows.each(row, self.turning.len(), |velocity, lever: f64| {
