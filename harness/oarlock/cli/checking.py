@@ -13,7 +13,7 @@ from oarlock.diagnosis.options import CheckOptions
 if TYPE_CHECKING:
     from oarlock.base.junit import TestSuite
     from oarlock.diagnosis.checked import Checked
-    from oarlock.diagnosis.examination import Examination
+    from oarlock.diagnosis.examined import Examination
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import mujoco
 from oarlock.base.errors import InputError, choose
 from oarlock.cases.case import load_case
 from oarlock.cases.integrators import RUNNING
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.mechanics import controls
 from oarlock.mechanics.controller import commanded

@@ -18,7 +18,7 @@ from oarlock.diagnosis.options import CheckOptions
 from oarlock.mechanics.fatal import mujoco_ends_in_a_line
 
 if TYPE_CHECKING:
-    from oarlock.diagnosis.examination import Examination
+    from oarlock.diagnosis.examined import Examination
     from oarlock.diagnosis.fix.fix import Fix
     from oarlock.diagnosis.verdict.findings import Finding
     from oarlock.mechanics.given import Model

@@ -12,7 +12,7 @@ from oarlock.base.errors import InputError
 from oarlock.base.shapes import rotated
 from oarlock.base.text import one_line
 from oarlock.diagnosis.checked import begun, parts
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.options import CheckOptions
 from oarlock.diagnosis.page.chapters.head import head

@@ -11,7 +11,7 @@ import numpy as np
 from oarlock.base.errors import InputError, one_line
 from oarlock.diagnosis.beginning import begin
 from oarlock.diagnosis.edit.changes import Armature, Change, Constants, Exclusion, Keyframe, Settings, Switched
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial

@@ -9,7 +9,7 @@ import numpy as np
 from oarlock.base.text import quoted
 from oarlock.diagnosis.edit.changes import Armature, Change, Constants, Exclusion, Keyframe, Switched, numbers
 from oarlock.diagnosis.edit.keyframe import new_name, source_key
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.loops.poses import ClosedPose

@@ -22,7 +22,8 @@ from oarlock.diagnosis.beginning import begin
 from oarlock.diagnosis.edit.changes import Change, Keyframe
 from oarlock.diagnosis.edit.copy import write_copies
 from oarlock.diagnosis.edit.place import require_place
-from oarlock.diagnosis.examination import Examination, examine
+from oarlock.diagnosis.examination import examine
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.fix.choice import Choice
 from oarlock.diagnosis.fix.claims import MENDED, claims, hidden, in_words, mended, standing

@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 
 from oarlock.base.numbers import finite
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.runs.row_law import CAUSES
 from oarlock.diagnosis.runs.trials import Trial

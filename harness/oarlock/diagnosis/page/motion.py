@@ -18,7 +18,7 @@ from oarlock.base.errors import InputError
 from oarlock.base.numbers import figure
 from oarlock.base.shapes import Mesh, Shape, coarse
 from oarlock.base.text import one_line as plain
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.loops import Loops
 from oarlock.mechanics.controls import drive
 from oarlock.mechanics.drive import Drive

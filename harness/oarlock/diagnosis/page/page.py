@@ -9,7 +9,7 @@ from typing import Any
 from oarlock.base.files import write_text
 from oarlock.base.text import markdown
 from oarlock.base.text import one_line as plain
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.page import pictures
 from oarlock.diagnosis.page.blocks import STILL, Chapter, Picture, Stage
 from oarlock.diagnosis.page.chapters.contents import chapters

@@ -8,7 +8,7 @@ import polars as pl
 
 from oarlock.base.text import one_line as plain
 from oarlock.base.text import quoted
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.runs.exact import ExactRun

@@ -9,7 +9,7 @@ from oarlock.base.core import VERSION
 from oarlock.base.errors import InputError
 from oarlock.diagnosis.edit.document import Document
 from oarlock.diagnosis.edit.places import line_of, place_of
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.verdict.findings import Entry, Finding, catalogue
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"

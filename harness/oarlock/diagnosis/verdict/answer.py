@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
 from oarlock.base.text import quoted
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.runs.drifts import Drift
 from oarlock.diagnosis.runs.recipe import Recipe
 from oarlock.diagnosis.runs.solving import Solving

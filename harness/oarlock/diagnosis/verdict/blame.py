@@ -10,7 +10,7 @@ import numpy as np
 from oarlock.base.errors import few
 from oarlock.base.numbers import finite, percent
 from oarlock.base.text import quoted
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.lint.locked import how_bad
 from oarlock.diagnosis.lint.view import Remark
 from oarlock.diagnosis.loops.gaps import opening

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from oarlock.base.text import quoted
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.runs.behind import largest_force
 from oarlock.diagnosis.runs.without import FINEST, PARTS
 

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")

@@ -8,7 +8,8 @@ import numpy as np
 from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
 from oarlock.base.text import called, quoted
-from oarlock.diagnosis.examination import Examination, starved
+from oarlock.diagnosis.examination import starved
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.runs.drifts import VISIBLE
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.verdict.blame import behind, held, in_words

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.rank import CUT, NEAR
 from oarlock.diagnosis.verdict.findings import Finding, found
 

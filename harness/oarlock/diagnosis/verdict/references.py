@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.gaps import Culprits
 from oarlock.diagnosis.symptoms import start_of
 from oarlock.mechanics.coupled import coupled_ids

@@ -8,7 +8,8 @@ import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.text import called, quoted
-from oarlock.diagnosis.examination import Examination, starved
+from oarlock.diagnosis.examination import starved
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.runs.obstacles import Obstacle
 from oarlock.diagnosis.runs.stuck import Late, Stuck

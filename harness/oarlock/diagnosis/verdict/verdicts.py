@@ -13,7 +13,7 @@ from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
 from oarlock.base.text import called, quoted
 from oarlock.cases.integrators import INTEGRATORS
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.lint import locked, opened
 from oarlock.diagnosis.lint.servo import UNSTABLE
 from oarlock.diagnosis.loops.loops import Dependency, Group

@@ -5,7 +5,8 @@ import numpy as np
 from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
 from oarlock.base.text import quoted
-from oarlock.diagnosis.examination import Examination, starved
+from oarlock.diagnosis.examination import starved
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import SINE_NOTE, why_not
 from oarlock.diagnosis.page.document import accelerations_table

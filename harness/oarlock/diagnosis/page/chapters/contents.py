@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.page.blocks import Chapter
 from oarlock.diagnosis.page.chapters.causes import causes
 from oarlock.diagnosis.page.chapters.drift import drift

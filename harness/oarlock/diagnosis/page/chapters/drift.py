@@ -4,7 +4,7 @@ import numpy as np
 
 from oarlock.base.numbers import figure
 from oarlock.base.text import quoted
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import lower, measured, why_not
 from oarlock.diagnosis.runs.drifts import LEVELS, Drift

@@ -1,7 +1,7 @@
 """The forces: what goes through the equalities, and how much of it is determined."""
 
 from oarlock.base.numbers import NOTHING, figure, percent
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.uniqueness import Reaction
 from oarlock.diagnosis.loops.wrenches import Wrench
 from oarlock.diagnosis.page.blocks import Chapter, Table

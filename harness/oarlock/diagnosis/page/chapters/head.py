@@ -3,7 +3,7 @@
 import numpy as np
 
 from oarlock.base.text import one_line as plain
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.page.chapters.words import counted
 from oarlock.mechanics.flexes import flex_names
 from oarlock.mechanics.prepare import integrator_of

@@ -1,7 +1,7 @@
 """The loops: which equalities close them, what is redundant, and how the rank changes along the motion."""
 
 from oarlock.base.numbers import NOTHING, figure
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.loops import Group, Loop, Loops
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import counted, lower, many, why_not, yes

@@ -3,7 +3,7 @@
 import numpy as np
 
 from oarlock.base.numbers import NOTHING, figure
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.options import TARGET
 from oarlock.diagnosis.page.blocks import Chapter
 from oarlock.diagnosis.page.chapters.words import counted, spelt, why_not

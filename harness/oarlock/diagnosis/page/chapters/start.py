@@ -2,7 +2,7 @@
 
 from oarlock.base.numbers import figure
 from oarlock.base.text import quoted
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.lint.locked import without
 from oarlock.diagnosis.loops.gaps import Opening
 from oarlock.diagnosis.loops.poses import ClosedPose

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from oarlock.base.errors import few
 from oarlock.base.numbers import NOTHING, figure
-from oarlock.diagnosis.examination import Examination
+from oarlock.diagnosis.examined import Examination
 from oarlock.poses.layout import SINE
 
 SINE_NOTE = (
