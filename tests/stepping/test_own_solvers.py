@@ -119,6 +119,8 @@ def test_one_that_walks_and_gives_up_ends_all_that_walk_along():
     rows = [row for row in results.rows if row["mode"] == "lockstep"]
     assert [row["status"] for row in rows] == ["diverged"] * 2
     assert all("solver 'seven'" in row["message"] for row in rows)
+    walked = oarlock.run(XML, solver="pinv", walker="seven", mode="lockstep", form="hard", duration=0.01)
+    assert walked.provenance["python_solvers"] == "seven"
 
 
 def raises(A, b):

@@ -123,7 +123,8 @@ def _carried_out(
     ignored = {} if setup.ignored is None else {"inequalities_ignored": setup.ignored}
     told = {} if setup.told is None else {"motion": setup.told}
     refused = {"native_stepping": refusal()} if refusal() and options.stepping != "python" else {}
-    slow = [name for name in core.python_solvers() if any(name == one.name for task in tasks for one in task.solvers)]
+    asked = {one.name for task in tasks for one in (*task.solvers, task.walker)}
+    slow = [name for name in core.python_solvers() if name in asked]
     called = {"python_solvers": ", ".join(slow)} if slow else {}
     provenance = {**inputs(case), **refused, **ignored, **called, **told, **occasion()}
     results = Results(case, provenance=provenance, model=describe(setup), truth=setup.truth, folder=folder)
