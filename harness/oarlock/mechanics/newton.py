@@ -18,10 +18,13 @@ ROUNDING = 1e-11
 were seen, and of wrong ones 4e-7 and more."""
 
 
+_NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
+
+
 def is_doubtful(model: mujoco.MjModel) -> bool:
     """Whether MuJoCo's solver may use a wrong factor."""
-    newton = model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON
-    return SPARSE_NEWTON_ERRS and newton and bool(mujoco.mj_isSparse(model))
+    # Asked at every step: what costs least comes first.
+    return SPARSE_NEWTON_ERRS and bool(mujoco.mj_isSparse(model)) and model.opt.solver == _NEWTON
 
 
 def gradient(model: mujoco.MjModel, data: mujoco.MjData, qacc: np.ndarray, qfrc: np.ndarray) -> float:

@@ -120,7 +120,7 @@ class Assembly:
         mujoco.mj_differentiatePos(self.model, found, 1.0, before, after)
         return found
 
-    def at_rows(self) -> np.ndarray:
+    def at_rows(self) -> "slice | np.ndarray":
         """Where MuJoCo's present rows (ne) stand among ``rows``."""
         return self._columns.of(self.data)
 

@@ -134,20 +134,26 @@ class RowColumns:
         self._layout = layout
         self._owners = b""
         self._count = 0
-        self._columns = np.zeros(0, dtype=int)
+        self._columns: slice | np.ndarray = slice(0, 0)
         self._rows: slice | np.ndarray = slice(0, 0)
 
-    def of(self, data: mujoco.MjData) -> np.ndarray:
+    def of(self, data: mujoco.MjData) -> "slice | np.ndarray":
         """At a state whose position stage is done; without the rows of equalities that the layout skips."""
         ids = data.efc_id[: data.ne]
         owners = ids.tobytes()
         if owners != self._owners or self._count != len(ids):
             kept = ~np.isin(ids, self._layout.skipped)
             self._rows = slice(0, len(ids)) if kept.all() else np.flatnonzero(kept)
-            self._columns, self._owners, self._count = self._layout.columns(ids[kept]), owners, len(ids)
+            self._columns, self._owners, self._count = _together(self._layout.columns(ids[kept])), owners, len(ids)
         return self._columns
 
     def rows(self, data: mujoco.MjData) -> "slice | np.ndarray":
         """Which of MuJoCo's rows those are."""
         self.of(data)
         return self._rows
+
+
+def _together(columns: np.ndarray) -> "slice | np.ndarray":
+    """The same columns, as a slice where they are the first ones in their order: that costs less to write to."""
+    count = len(columns)
+    return slice(0, count) if np.array_equal(columns, np.arange(count)) else columns

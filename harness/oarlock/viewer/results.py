@@ -211,6 +211,6 @@ class _Reader:
             columns_here, mine = places.of(data), places.rows(data)
             track.position[at, columns_here] = data.efc_pos[: data.ne][mine]
             track.present[at, columns_here] = True
-            if force is not None and len(force) == len(columns_here):
+            if force is not None and len(force) == track.force[at, columns_here].size:
                 track.force[at, columns_here] = force.to_numpy()
         return track

@@ -40,6 +40,9 @@ LOOKS = 250
 LOW = 2.0 * DIP
 """Of the median: around values below it every pose is looked at, for there may be a dip between."""
 
+TOGETHER = 256
+"""Of fewer rows so many poses are looked at together: a call takes longer than the values of a few rows."""
+
 SQUARED = 1e-3
 """A smallest singular value, of the largest, whose square has ten digits beside that of the largest."""
 
@@ -145,12 +148,25 @@ class _View:
         self.owners: list[Equality] = [one for one in assembly.equalities for _ in range(one.rows)]
         self._scales = scales_along(assembly, qpos)
         some = qpos[:: max(1, len(qpos) // SCALED)]
-        self._largest = max(_sizes(self._rows_at(pose), rank)[0] for pose in some)
+        self._largest = max(_sizes(self._folded_at(pose), rank)[0] for pose in some)
 
-    def _rows_at(self, pose: np.ndarray) -> np.ndarray:
+    def _folded_at(self, pose: np.ndarray) -> np.ndarray:
         """Scaled rows (k, nv) at a pose, proportional ones folded."""
         self.assembly.place(pose)
         return fold(self._scales[:, None] * self.assembly.whitened(self.assembly.jacobian())).rows
+
+    def _look(self, poses: np.ndarray) -> np.ndarray:
+        """Singular values at poses (T, nq): that of the rank, and the largest one beyond it, (T, 2)."""
+        if self.rank >= MANY:
+            found = np.array([_sizes(self._folded_at(pose), self.rank)[1:] for pose in poses])
+        else:
+            found = np.zeros((len(poses), 2))
+            for first in range(0, len(poses), TOGETHER):
+                some = poses[first : first + TOGETHER]
+                rows = self._scales[:, None] * self.assembly.whitened_along(some)
+                sizes = np.linalg.svd(rows, compute_uv=False)[:, self.rank - 1 : self.rank + 1]
+                found[first : first + len(some), : sizes.shape[1]] = sizes
+        return found.reshape(-1, 2) / self._largest
 
     def along(self, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Singular values (T): that of the rank, and the largest one beyond it.
@@ -161,8 +177,8 @@ class _View:
         found = np.full((len(qpos), 2), np.nan)
 
         def look(places: np.ndarray) -> None:
-            for at in places[np.isnan(found[places, 0])]:
-                found[at] = np.divide(_sizes(self._rows_at(qpos[at]), self.rank)[1:], self._largest)
+            unknown = places[np.isnan(found[places, 0])]
+            found[unknown] = self._look(qpos[unknown])
 
         every = len(qpos) if self.rank < MANY else min(LOOKS, len(qpos))
         some = np.unique(np.linspace(0, len(qpos) - 1, every).astype(int))

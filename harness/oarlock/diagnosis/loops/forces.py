@@ -47,17 +47,24 @@ def body_wrenches(assembly: Assembly, number: int) -> list[BodyWrench]:
     first, *second = coupled_ids(model, equality.index)
     found = act(model, data, first, 1.0)
     for other in second:
-        found += act(model, data, other, -coupling_slope(assembly, equality))
+        slope = coupling_slopes(model, equality, np.array([coupled_to(assembly, equality)]))
+        found += act(model, data, other, -float(slope[0]))
     return found
 
 
-def coupling_slope(assembly: Assembly, equality: Equality) -> float:
-    """p'(x) of a coupling at the present pose; 0 of what couples to a constant, or joins points."""
+def coupled_to(assembly: Assembly, equality: Equality) -> float:
+    """The x of a coupling p(x) at the present pose; 0 of what couples to a constant, or joins points."""
     model, second = assembly.model, int(assembly.model.eq_obj2id[equality.index])
     if equality.kind.joins_points or second < 0:
         return 0.0
-    x = coupled(equality.kind).position(model, assembly.data, second)
-    return float(np.polyval(np.polyder(model.eq_data[equality.index, 4::-1]), x))
+    return coupled(equality.kind).position(model, assembly.data, second)
+
+
+def coupling_slopes(model: mujoco.MjModel, equality: Equality, x: np.ndarray) -> np.ndarray:
+    """p'(x) of a coupling at many x (T); 0 of what couples to a constant, or joins points."""
+    if equality.kind.joins_points or model.eq_obj2id[equality.index] < 0:
+        return np.zeros(len(x))
+    return np.polyval(np.polyder(model.eq_data[equality.index, 4::-1]), x)
 
 
 # Bodies.

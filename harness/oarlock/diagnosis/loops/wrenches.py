@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from oarlock.base.errors import InputError
-from oarlock.diagnosis.loops.forces import coupling_slope, quat_product, torque_map, turns
+from oarlock.diagnosis.loops.forces import coupled_to, coupling_slopes, quat_product, torque_map, turns
 from oarlock.diagnosis.loops.loops import Loops, loops_at, scales_along
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.folding import ALIKE, Folded, fold
@@ -92,7 +92,7 @@ def wrenches(
         assembly.place(qpos[0])
         loops = loops_at(assembly, assembly.close(), dependent=False)
     scales = scales_along(assembly, qpos)
-    turned, slopes, free = _Turned(assembly, len(qpos)), np.zeros((len(qpos), len(assembly.equalities))), []
+    turned, others, free = _Turned(assembly, len(qpos)), np.zeros((len(qpos), len(assembly.equalities))), []
     classes: dict[int, Folded] = {}
     couplings = [number for number, one in enumerate(assembly.equalities) if not one.kind.joins_points]
     size = max(1, _CHUNK // max(1, len(assembly.rows) * model.nv))
@@ -104,15 +104,14 @@ def wrenches(
             stack[at] = scales[:, None] * assembly.jacobian()
             turned.read(first + at)
             for number in couplings:
-                slopes[first + at, number] = coupling_slope(assembly, assembly.equalities[number])
+                others[first + at, number] = coupled_to(assembly, assembly.equalities[number])
         free.append(_free_part(assembly, loops, poses, stack, scales, multipliers[first : first + size], classes))
     undetermined = np.concatenate(free) if free else np.zeros(expected)
     found = []
     for number, equality in enumerate(assembly.equalities):
         rows, loop = assembly.rows_of(number), loops.loops[number]
-        total, part = (
-            _series(turned, equality, values[:, rows], slopes[:, number]) for values in (multipliers, undetermined)
-        )
+        slopes = coupling_slopes(model, equality, others[:, number])
+        total, part = (_series(turned, equality, values[:, rows], slopes) for values in (multipliers, undetermined))
         frames = tuple(turned.matrix(body) for body in equality.bodies) if total.force is not None else ()
         found.append(Wrench(equality.name, loop.ends, _units(model, equality), total, part, frames))
     return tuple(found)
