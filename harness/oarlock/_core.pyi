@@ -344,6 +344,7 @@ class Stepper:
         k: float,
         sensors: bool,
         energy: bool,
+        mocaps: bool,
         require: Callable[[Any], None],
     ) -> Self:
         """Of an MjModel: who solves, who projects at the end of a step, and Baumgarte's terms (1/s, 1/s²).

@@ -278,6 +278,103 @@ def test_an_open_start_is_refused_and_a_closed_one_goes_on():
     assert stepper.figures().projection == "landed"
 
 
+def test_a_motion_that_is_too_fast_for_the_timestep_is_said_to_be():
+    """Nothing is wrong with the start of such a step, which is closed."""
+    model = mujoco.MjModel.from_xml_string(four_bar())
+    data, stepper = mujoco.MjData(model), oarlock.Stepper(model)
+    data.qvel[0] = 400.0
+    stepper.close(data)
+
+    def walk():
+        for _ in range(1000):
+            stepper.step(data)
+
+    with pytest.raises(InputError, match=r"a step of 0\.\d+ s from closed loops at t = .* take a shorter one"):
+        walk()
+    assert np.isfinite(data.qpos).all()
+
+
+def _elsewhere_and_back(model, data):
+    """As a finite difference leaves a data: its pose as it was, what was computed of it that of another."""
+    qpos = data.qpos.copy()
+    data.qpos[:] += 0.1
+    mujoco.mj_forward(model, data)
+    data.qpos[:] = qpos
+
+
+def _kinematics_elsewhere(model, data):
+    qpos = data.qpos.copy()
+    data.qpos[:] += 0.1
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    data.qpos[:] = qpos
+
+
+def _reset_and_put_back(model, data):
+    time, qpos, qvel = data.time, data.qpos.copy(), data.qvel.copy()
+    mujoco.mj_resetData(model, data)
+    data.time, data.qpos[:], data.qvel[:] = time, qpos, qvel
+
+
+def _without_rows(model, data):
+    data.eq_active[:] = 0
+    mujoco.mj_forward(model, data)
+    data.eq_active[:] = 1
+
+
+@pytest.mark.parametrize("touch", [_elsewhere_and_back, _kinematics_elsewhere, _reset_and_put_back, _without_rows])
+@pytest.mark.parametrize("name", ["boat", "gripping_gripper", "standing_leg", "cable_finger"])
+def test_what_is_done_to_the_data_between_steps_changes_no_bit(name, touch):
+    """What a step computes at its end is taken for the next one only where nobody touched it."""
+    case = prepared(name)
+    write = driven(case)
+    left, touched = case.data(), case.data()
+    one, other = oarlock.Stepper(case.model), oarlock.Stepper(case.model)
+    for step in range(60):
+        for stepper, data in ((one, left), (other, touched)):
+            if data is touched and step % 3 == 2:
+                touch(case.model, data)
+            write(data)
+            stepper.step(data)
+        assert left.qpos.tobytes() == touched.qpos.tobytes()
+        assert left.qvel.tobytes() == touched.qvel.tobytes()
+
+
+def test_what_is_written_between_steps_is_seen():
+    """A pose, an equality that is switched, and a mocap body that is moved, each by the arrays of the data alone."""
+    bodies = (
+        '<body name="hand" mocap="true" pos="0 0.3 0"/>'
+        '<body name="arm" pos="0 0.3 0"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+        '<geom size="0.1"/></body><body pos="5 0 0"><joint type="slide" axis="0 1 0"/><geom size="0.1"/></body>'
+    )
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="0.001"/><worldbody>{bodies}</worldbody>'
+        '<equality><connect body1="hand" body2="arm" anchor="0 0 0"/></equality>'
+        '<sensor><framepos objtype="body" objname="hand"/></sensor></mujoco>'
+    )
+    data, stepper = mujoco.MjData(model), oarlock.Stepper(model)
+    data.qvel[2] = 1.0  # a step explains 1 mm
+    for step in range(1, 50):
+        data.mocap_pos[0, 0] = 1e-4 * step
+        stepper.step(data)
+        assert data.qpos[0] == pytest.approx(data.mocap_pos[0, 0], abs=1e-12)
+        assert data.sensordata[0] == data.mocap_pos[0, 0]
+    bar = mujoco.MjModel.from_xml_string(four_bar())
+    data, stepper = mujoco.MjData(bar), oarlock.Stepper(bar)
+    stepper.close(data)
+    stepper.step(data)
+    data.qpos[0] += 0.2
+    stepper.close(data)
+    other, fresh = mujoco.MjData(bar), oarlock.Stepper(bar)
+    other.qpos[:], other.qvel[:] = data.qpos, data.qvel
+    stepper.step(data)
+    fresh.step(other)
+    assert data.qpos == pytest.approx(other.qpos, abs=1e-14)
+    data.eq_active[:] = 0
+    with pytest.raises(InputError, match="no equality is active"):
+        stepper.step(data)
+
+
 def test_sensors_and_energies_are_those_of_the_start_of_the_step():
     """As mj_step leaves them, with the forces of the exact step."""
     rest = '<sensor><jointpos joint="crank"/><jointvel joint="crank"/><jointactuatorfrc joint="crank"/></sensor>'

@@ -63,6 +63,8 @@ class Stepper:
     The integrator is the model's. After a step ``data`` holds the next state, and accelerations, constraint forces and
     sensors of the step: ``qacc``, ``qfrc_constraint``, ``efc_force``, ``sensordata``. Controls and applied forces are
     taken as the data has them; callbacks of the process are not asked. A step is that of ``oarlock.run``, bit for bit.
+    Between steps the state may be written to, and MuJoCo called. What it computes (``xpos``, ``efc_J``, …) is not to be
+    written to: the position stage at the end of a step is taken for the next where it still stands.
 
         stepper = oarlock.Stepper(model)
         while data.time < 10.0:
@@ -117,6 +119,7 @@ class Stepper:
             k=(STIFFNESS if k is None else float(k)) if damped else 0.0,
             sensors=model.nsensor > 0 and not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_SENSOR),
             energy=bool(model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_ENERGY)),
+            mocaps=model.nmocap > 0,
             require=self._require,
         )
 
@@ -126,7 +129,8 @@ class Stepper:
         Raises:
             InputError: the data is of another model, the model's options changed, the state is not finite, no equality
                 is active, or the loops stand open, or are taken apart by the velocities, further than a step explains:
-                a start is to be closed first. The state of the data is then what it was.
+                a start is to be closed first; or the motion is too fast for the timestep. The state of the data is
+                then what it was.
         """
         self._core.step(data)
 

@@ -19,6 +19,7 @@ mod jacobian;
 mod layout;
 mod model;
 mod newton;
+mod placement;
 #[cfg(all(test, unix))]
 pub(crate) mod testing;
 
@@ -35,6 +36,8 @@ pub use model::{
     EQ_CONNECT, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model, WRAP_CYLINDER, WRAP_JOINT, WRAP_PULLEY,
     WRAP_SITE,
 };
+
+pub use placement::Placement;
 
 use crate::error::Error;
 

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::drive::Drive;
 use crate::error::Error;
 use crate::force::{SolvedForce, Tally};
-use crate::library::{Data, Model, without_timers};
+use crate::library::{Data, Model, Placement, without_timers};
 use crate::projection::{Landing, Projection, Projector};
 use crate::state::{Baumgarte, Form, State};
 use crate::vectors::largest;
@@ -22,6 +22,7 @@ pub struct Stepper {
     solver: Box<dyn MultiplierSolver>,
     projector: Option<Box<dyn MultiplierSolver>>,
     noted: Noted,
+    mocaps: bool,
     lanes: Vec<Lane>,
 }
 
@@ -59,6 +60,9 @@ struct Lane {
     drift: f64,
     noted: Noted,
     start: Start,
+    /// What the last step left.
+    left: Placement,
+    mocaps: bool,
 }
 
 /// The state that a step begins at, to which a data goes back where the step cannot be taken.
@@ -72,6 +76,9 @@ struct Start {
     open: f64,
     rate: f64,
 }
+
+/// Of what a step leaves open, the part up to which its start may have been open itself and is not to blame for it.
+const OWN: f64 = 0.01;
 
 impl Start {
     fn take(&mut self, data: &Data) {
@@ -95,7 +102,12 @@ impl Start {
     fn refusal(&self, drift: f64, step: f64) -> Error {
         let close = "close the start first (stepper.close(data))";
         let time = self.time;
-        Error::Refused(if self.rate * step > self.open {
+        Error::Refused(if self.open.max(self.rate * step) < OWN * drift {
+            format!(
+                "a step of {step} s from closed loops at t = {time:.6} s leaves them open by {drift:.3e} m or rad, more \
+                 than can be closed without a jump: the motion is too fast for the timestep, take a shorter one"
+            )
+        } else if self.rate * step > self.open {
             let rate = self.rate;
             format!(
                 "the velocities at t = {time:.6} s take the loops apart by {rate:.3e} m/s or rad/s: {close}"
@@ -109,7 +121,8 @@ impl Start {
 }
 
 impl Stepper {
-    /// For states of a model as it is now, by its own integrator. A `projector` is a solver that ends every step.
+    /// For states of a model as it is now, by its own integrator. A `projector` is a solver that ends every step; a model
+    /// with `mocaps` has mocap bodies.
     ///
     /// # Errors
     /// Those of [`Model::unsolved`], [`State::new`] and [`ForcedWalker::new`].
@@ -119,9 +132,10 @@ impl Stepper {
         solver: Box<dyn MultiplierSolver>,
         projector: Option<Box<dyn MultiplierSolver>>,
         noted: Noted,
+        mocaps: bool,
     ) -> Result<Self, Error> {
         let model = Arc::new(model.unsolved(model.timestep())?);
-        let mut stepper = Self { model, terms, solver, projector, noted, lanes: Vec::new() };
+        let mut stepper = Self { model, terms, solver, projector, noted, mocaps, lanes: Vec::new() };
         stepper.reach(1)?;
         Ok(stepper)
     }
@@ -145,8 +159,16 @@ impl Stepper {
             let projector =
                 self.projector.as_deref().map(|solver| Projector::new(&self.model, fresh(solver)));
             let walker = ForcedWalker::new(Data::new(&self.model)?, Drive::default(), force, projector)?;
-            let start = Start::default();
-            self.lanes.push(Lane { walker, begun: false, drift: 0.0, noted: self.noted, start });
+            let (start, left) = (Start::default(), Placement::default());
+            self.lanes.push(Lane {
+                walker,
+                begun: false,
+                drift: 0.0,
+                noted: self.noted,
+                start,
+                left,
+                mocaps: self.mocaps,
+            });
         }
         Ok(())
     }
@@ -213,11 +235,16 @@ impl Lane {
             look(step, &mut self.walker.data);
             if step == 0 {
                 // Whoever owns the data may have put it elsewhere.
-                self.walker.data.moved();
+                self.walker.data.moved(&self.left);
             }
             self.start.take(&self.walker.data);
             self.step().inspect_err(|_| self.start.give_back(&mut self.walker.data))
         });
+        if outcome.is_ok() && !self.mocaps {
+            self.left.take(&self.walker.data);
+        } else {
+            self.left.forget();
+        }
         self.walker.data = own;
         outcome
     }

@@ -30,10 +30,11 @@ type States<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>);
 #[pymethods]
 #[allow(clippy::needless_pass_by_value)] // extracted arguments are owned
 impl Stepper {
-    /// Of an `MjModel`: the one `given` that it is a copy of, whose options are to stay what they are, who solves, who projects at the end of a step, Baumgarte's terms (1/s, 1/s²), and what is called with
-    /// an `MjData` to make sure that it is one of this model.
+    /// Of an `MjModel`: the one `given` that it is a copy of, whose options are to stay what they are, who solves, who
+    /// projects at the end of a step, Baumgarte's terms (1/s, 1/s²), whether it has mocap bodies, and what is called with an
+    /// `MjData` to make sure that it is one of this model.
     #[new]
-    #[pyo3(signature = (model, *, given, solver, projector, beta, k, sensors, energy, require))]
+    #[pyo3(signature = (model, *, given, solver, projector, beta, k, sensors, energy, mocaps, require))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,
@@ -45,6 +46,7 @@ impl Stepper {
         k: f64,
         sensors: bool,
         energy: bool,
+        mocaps: bool,
         require: Py<PyAny>,
     ) -> PyResult<Self> {
         let given = (given.clone().unbind(), given.getattr("_address")?.extract()?);
@@ -55,6 +57,7 @@ impl Stepper {
             solver.fresh()?,
             projector,
             native::stepper::Noted { sensors, energy },
+            mocaps,
         );
         made.map(|inner| Self { inner: Mutex::new(inner), known: Mutex::default(), require, given })
             .map_err(|error| raised(py, &error))

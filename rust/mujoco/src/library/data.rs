@@ -11,6 +11,7 @@ use super::ffi::{
     oarlock_view_rows, oarlock_whiten,
 };
 use super::model::Model;
+use super::placement::Placement;
 use super::{array, arrays, size, trapped};
 use crate::error::Error;
 
@@ -36,7 +37,7 @@ pub struct Data {
     pub(super) view: DataView,
     pub(super) rows: RowsView,
     /// Whether the position stage is that of the present positions.
-    placed: bool,
+    pub(super) placed: bool,
     /// Whether it is somebody else's.
     borrowed: bool,
     /// Room for a gradient, nv.
@@ -143,9 +144,10 @@ impl Data {
         }
     }
 
-    /// Takes none of its stages for valid: its state may have been written to.
-    pub fn moved(&mut self) {
-        self.placed = false;
+    /// Takes none of its stages for valid, as its state may have been written to; its position stage where it still is what
+    /// was taken down of it.
+    pub fn moved(&mut self, known: &Placement) {
+        self.placed = known.stands(self);
     }
 
     /// Its model.
