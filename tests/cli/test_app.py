@@ -272,7 +272,7 @@ def test_solvers_are_those_of_the_registry(oarlock_here):
         ("boat --rtol 1e-8 --solver pinv", "rtol = 1e-08"),
         ("boat --mode free --duration 0.01 --out taken", "taken"),
         ("boat --mode free --duration 0.01 --json taken/summary.json", "taken"),
-        ("bad.xml", "bad.xml: MuJoCo refuses it"),
+        ("bad.xml", "bad.xml: XML that cannot be read: mismatched element <body> at line 1"),
         ("open.xml", "open.xml: no <equality> element"),
         ("case", "case.toml: run.duration_s = -1"),
     ],

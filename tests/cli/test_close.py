@@ -17,7 +17,7 @@ PIN = '<equality><connect name="pin" site1="tip1" site2="tip2"/></equality>'
 
 def test_an_open_urdf_is_closed_with_one_command(oarlock_here):
     said = oarlock_here("close", URDF, "-o", "closed.xml")
-    assert (said.returncode, said.stderr) == (0, "oarlock: closed.xml\n")
+    assert (said.returncode, said.stderr) == (0, "oarlock: written: closed.xml\n")
     assert "'pin' (connect) joins 'closing_pin_1' and 'closing_pin_2'." in said.stdout
     checked = oarlock_here("check", "closed.xml", "--json", "-", "--fail-above", CLOSED)
     assert checked.returncode == 0, checked.stderr

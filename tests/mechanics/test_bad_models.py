@@ -41,17 +41,18 @@ def complaint(finished) -> str:
 
 
 MUJOCO_REFUSES = "model.xml: MuJoCo refuses it: "
+NO_XML = "model.xml: XML that cannot be read: "
 
 FILES = {
     # Not a model at all.
     "empty": ("", MUJOCO_REFUSES + "ParseXML: empty file"),
-    "blank": (" \n", MUJOCO_REFUSES + "XML parse error"),
-    "malformed": ("<mujoco><worldbody><body>", MUJOCO_REFUSES + "XML parse error"),
-    "text": ("hello world", MUJOCO_REFUSES + "XML parse error"),
+    "blank": (" \n", NO_XML),
+    "malformed": ("<mujoco><worldbody><body>", NO_XML),
+    "text": ("hello world", NO_XML),
     "html": ("<html><body>404</body></html>", MUJOCO_REFUSES + "XML Error: Unrecognized XML model type: 'html'"),
-    "binary": (bytes(range(256)) * 9, MUJOCO_REFUSES + "XML parse error"),
-    "zeros": (b"\0" * 99, MUJOCO_REFUSES + "XML parse error"),
-    "utf-16": (GOOD.encode("utf-16"), MUJOCO_REFUSES + "XML parse error"),
+    "binary": (bytes(range(256)) * 9, NO_XML),
+    "zeros": (b"\0" * 99, NO_XML),
+    "utf-16": (GOOD.encode("utf-16"), NO_XML),
     "latin-1": (GOOD.replace("pin", "pín").encode("latin-1"), "a name holds the byte 0xed, expected UTF-8"),
     "urdf": ('<robot name="a"><link name="b"/></robot>', "no <equality> element, expected at least one"),
     # MuJoCo would leave constraints out, with a warning to nobody.

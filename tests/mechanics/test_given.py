@@ -71,7 +71,10 @@ def test_text_can_be_fixed_and_a_compiled_model_cannot(tmp_path):
     ("model", "line"),
     [
         (3, "model is a int, expected a name, a path, MJCF, an MjModel or an MjSpec"),
-        ("<mujoco><worldbody>", "the MJCF that was given: MuJoCo refuses it"),
+        (
+            "<mujoco><worldbody>",
+            "the MJCF that was given: XML that cannot be read: mismatched element <worldbody>",
+        ),
         (mujoco.MjModel.from_xml_string("<mujoco/>"), "no <equality> element"),
     ],
 )

@@ -48,7 +48,7 @@ MODELS = {
     "include": (PLACE, f'<include file="pipe"/>{PLACE}', "include> names 'pipe', which is no regular file"),
     "mesh": (PLACE, f'<asset><mesh file="pipe"/></asset>{PLACE}', "mesh> names 'pipe', which is no regular file"),
     "device": (PLACE, f'<asset><mesh file="/dev/zero"/></asset>{PLACE}', "names '/dev/zero', which is no regular file"),
-    "deep": (PLACE, f"{PLACE}{'<body>' * 5000}{'</body>' * 5000}", "nesting is too deep"),
+    "deep": (PLACE, f"{PLACE}{'<body>' * 5000}{'</body>' * 5000}", "element depth exceeded"),
     "digits": ("0.002", "1" * 5000, "number is too large"),
     "long": ("0.002", "1e308", "timestep = 1e+308 s, expected one from 1e-09 to 1e+09 s"),
     "short": ("0.002", "1e-308", "timestep = 1e-308 s"),

@@ -136,9 +136,9 @@ def test_coordinates_name_every_entry_of_qpos(tangle):
 @pytest.mark.parametrize(
     ("xml", "message"),
     [
-        ("<mujoco><worldbody><body></mujoco>", "MuJoCo refuses it"),
+        ("<mujoco>\n<worldbody><body></mujoco>", "mismatched element <body> at line 2, expected MJCF"),
         ("", "MuJoCo refuses it"),
-        ("\x00\xff", "MuJoCo refuses it"),
+        ("\x00\xff", "XML that cannot be read"),
         ("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", "no <equality> element"),
     ],
 )

@@ -10,6 +10,7 @@ from mechanisms import four_bar
 from oarlock.base.errors import InputError
 from oarlock.cases.case import load_case
 from oarlock.stepping.prepared import PreparedCase
+from oarlock.stepping.stepper import STABILISATIONS
 
 MORE = '<body><joint name="more"/><geom type="sphere" size="0.1"/></body>'
 
@@ -132,7 +133,7 @@ def test_many_data_at_once_are_the_same_as_each_alone():
             path.append((data.qpos.copy(), data.qvel.copy()))
         alone.append(path)
     stepper = oarlock.Stepper(case.model)
-    qpos, qvel = stepper.rollout(together, ctrl=ctrl)
+    qpos, qvel = stepper.rollout(together, control=ctrl)
     assert qpos.shape == (5, 60, case.model.nq)
     for number, path in enumerate(alone):
         assert np.array_equal(qpos[number], [one[0] for one in path])
@@ -145,7 +146,7 @@ def test_many_data_at_once_are_the_same_as_each_alone():
 def test_baumgarte_pulls_back_what_is_open_and_nothing_does_where_nothing_is_asked():
     model = mujoco.MjModel.from_xml_string(four_bar())
     left = {}
-    for how in oarlock.stepping.stepper.STABILISATIONS:
+    for how in STABILISATIONS:
         data = mujoco.MjData(model)
         data.qvel[0] = 6.0
         stepper = oarlock.Stepper(model, stabilisation=how)
@@ -181,8 +182,8 @@ def test_energy_of_a_conservative_mechanism_stays():
         ),
         (lambda model, other: oarlock.Stepper(model).rollout([mujoco.MjData(model)]), "steps = None, expected a whole"),
         (
-            lambda model, other: oarlock.Stepper(model).rollout([mujoco.MjData(model)], ctrl=np.zeros((2, 3, 0))),
-            r"ctrl of the shape \(2, 3, 0\), expected \(1, steps, 0\)",
+            lambda model, other: oarlock.Stepper(model).rollout([mujoco.MjData(model)], control=np.zeros((2, 3, 0))),
+            r"control of the shape \(2, 3, 0\), expected \(1, steps, 0\)",
         ),
         (
             lambda model, other: oarlock.Stepper(model).rollout(2 * [mujoco.MjData(model)], steps=2),

@@ -90,7 +90,7 @@ def checked_file(file: str, asked: Asked, report: Path | None) -> Outcome:
     }
     kept = [_written(path, writers[flag]) for flag, path in asked.copies.items()]
     if report:
-        say(f"oarlock: {checked.report(report)}")
+        say(f"oarlock: written: {checked.report(report)}")
     wrong = asked.options.lint and any(finding.severity == "error" for finding in checked.verdict)
     above = [finding for finding in checked.verdict if finding.code == "D7"]
     if above:
@@ -172,7 +172,7 @@ def _write_keyframe(exam: "Examination", target: Path) -> bool:
     if pose is None or not pose.closed:
         raise InputError("no pose near the start closes the loops")
     name = write_keyframe(exam.path, target, pose.qpos, pose.qvel, like=source_key(exam.model, exam.options.keyframe))
-    say(f"oarlock: {target}: keyframe '{name}'")
+    say(f"oarlock: written: {target}: keyframe '{name}'")
     return True
 
 
@@ -184,7 +184,7 @@ def _write_tuned(exam: "Examination", target: Path) -> bool:
     if recipe is None:
         raise InputError(exam.missing.get("remedy", "no settings were looked for"))
     for path in write_tuned(exam.path, target, recipe.chosen.setting):
-        say(f"oarlock: {path}")
+        say(f"oarlock: written: {path}")
     if not recipe.reached:
         say(f"oarlock: warning: {target} does not hold {recipe.target:g}: {recipe.reason}")
     return recipe.reached
@@ -200,7 +200,7 @@ def _fix(checked: "Checked", target: Path, printing: bool) -> bool:
         for line in fixed.told():
             print_line(line)
     else:
-        say(f"oarlock: {target}")
+        say(f"oarlock: written: {target}")
     if not fixed.reached:
         say(f"oarlock: warning: {target}: {fixed.reason}")
     return fixed.reached

@@ -89,7 +89,7 @@ def close(
             print_line(line)
         print_chapter(findings(checked.verdict))
     for path in closing.files:
-        say(f"oarlock: {path}")
+        say(f"oarlock: written: {path}")
     if any(finding.severity == "error" for finding in checked.verdict):
         raise typer.Exit(GATE_FAILED)
 

@@ -36,7 +36,7 @@ def export_problems(
     problems = export_problems(
         model, form=cast(Form, form), walker=walker, duration=duration, timestep=timestep, every=every, motion=motion
     )
-    say(f"oarlock: {problems.save(out)}: {len(problems)} problems of up to {problems.largest} rows")
+    say(f"oarlock: written: {problems.save(out)}: {len(problems)} problems of up to {problems.largest} rows")
     if problems.ended:
         say(f"oarlock: {problems.ended}")
     for name, meaning in COLUMNS.items():

@@ -38,8 +38,8 @@ def sample(
             head = [name.replace("_", " ") for name in frame.columns]
             print_table(head, [[short(value) for value in row] for row in frame.rows()])
     if out:
-        say(f"oarlock: {drawn.save(out)}")
+        say(f"oarlock: written: {drawn.save(out)}")
     if report:
-        say(f"oarlock: {drawn.report(report)}")
+        say(f"oarlock: written: {drawn.report(report)}")
     if as_json:
         emit_json(drawn.document(), as_json)

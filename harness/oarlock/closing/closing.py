@@ -60,9 +60,9 @@ class Closing:
         ]
         pose, way = self.pose, "the start is closed"
         if pose.moved_joint:
-            most = f"{pose.moved_joint} moves by {figure(pose.moved, 'rad or m')}, most of all"
+            most = f"{pose.moved_joint} moves by {figure(pose.moved, pose.moved_unit)}, most of all"
             way = f"it is {figure(pose.norm, 'rad')} from the start; {most}"
-        beyond = [f"It is beyond the {one.limit} by {figure(one.by, 'rad or m')}." for one in pose.outside]
+        beyond = [f"It is beyond the {one.limit} by {figure(one.by, one.unit)}." for one in pose.outside]
         return [
             f"{'; '.join(joined)}.",
             f"Keyframe '{self.keyframe}' has the nearest closed pose: {way}. Its loops are closed to "

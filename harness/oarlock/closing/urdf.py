@@ -6,13 +6,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from oarlock.base.errors import InputError, one_line
+from oarlock.base.errors import InputError
 from oarlock.base.files import write_bytes
 from oarlock.diagnosis.edit.changes import numbers
 from oarlock.diagnosis.edit.document import Document, Place
 from oarlock.diagnosis.edit.editor import Editor
 from oarlock.mechanics.limits import require_moderate
 from oarlock.mechanics.load import collected_warnings
+from oarlock.mechanics.refusal import refusal
 
 ABOVE = 3
 """Folders above that of a model in which its package is looked for."""
@@ -52,7 +53,7 @@ def save_as_mjcf(source: Path, out: Path) -> None:
             model = spec.compile()
             text = spec.to_xml()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise InputError(f"{source}: MuJoCo refuses it: {one_line(error)}") from None
+        raise InputError(f"{source}: {refusal(error)}") from None
     write_bytes(out, text.encode())
     document = Document(out)
     bodies = document.bodies()

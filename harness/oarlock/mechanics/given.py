@@ -9,9 +9,9 @@ from pathlib import Path
 
 import mujoco
 
-from oarlock.base.errors import InputError, one_line
+from oarlock.base.errors import InputError
 from oarlock.base.scratch import scratch
-from oarlock.mechanics.engine_version import too_old
+from oarlock.mechanics.refusal import refusal
 
 Model = str | Path | mujoco.MjModel | mujoco.MjSpec
 """A name, a path, MJCF as text, a compiled model, or a specification of one."""
@@ -43,7 +43,7 @@ def path_of(model: Model) -> str | Path:
     try:
         compiled = model.copy().compile() if isinstance(model, mujoco.MjSpec) else copy.copy(model)
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise InputError(f"the MjSpec: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}") from None
+        raise InputError(f"the MjSpec: {refusal(error)}") from None
     if not isinstance(compiled, mujoco.MjModel):
         raise InputError(f"model is a {type(model).__name__}, expected a name, a path, MJCF, an MjModel or an MjSpec")
     path = _place(compiled.names.partition(b"\0")[0].decode(errors="replace"), COMPILED)
@@ -75,7 +75,7 @@ def _of_text(text: str) -> Path:
     try:
         spec = mujoco.MjSpec.from_string(text)
     except ValueError as error:
-        raise InputError(f"{TEXT}: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}") from None
+        raise InputError(f"{TEXT}: {refusal(error)}") from None
     path = _place(spec.modelname, ".xml")
     _given[path] = TEXT
     path.write_text(text, encoding="utf-8")

@@ -13,9 +13,10 @@ import numpy as np
 from oarlock.base.errors import InputError, one_line
 from oarlock.base.options import Number, join_options
 from oarlock.cases.case import refuse_code
-from oarlock.mechanics.engine_version import full_mass, too_old
+from oarlock.mechanics.engine_version import full_mass
 from oarlock.mechanics.given import COMPILED, as_given, compiled_at
 from oarlock.mechanics.limits import require_moderate, require_moderate_model
+from oarlock.mechanics.refusal import refusal
 
 
 def load_model(path: Path, parameters: dict[str, Number] | None = None, *, closed: bool = True) -> mujoco.MjModel:
@@ -47,7 +48,7 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None, *, close
     except InputError:
         raise
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise InputError(f"{path}: MuJoCo refuses it: {one_line(error)}{too_old(str(error))}{_callbacks()}") from None
+        raise InputError(f"{path}: {refusal(error)}{_callbacks()}") from None
     for text in said:
         if "NaN" in text:  # MuJoCo takes a NaN for a number that was left out, or computes with it
             raise InputError(f"{path}: {_attribute_with_nan(path)} is not a number, expected finite numbers only")

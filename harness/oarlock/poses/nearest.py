@@ -23,6 +23,7 @@ import numpy as np
 
 from oarlock.base.errors import choose
 from oarlock.base.text import called
+from oarlock.mechanics.coupled import COUPLED
 from oarlock.mechanics.engine_version import tendon_dofs
 from oarlock.mechanics.inequalities import row_name
 from oarlock.mechanics.names import element_name
@@ -58,6 +59,7 @@ _DIFFERENCE = 1e-6
 
 _HALVINGS = 12
 _JOINT = mujoco.mjtObj.mjOBJ_JOINT
+_ALONG_TENDON = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)
 
 
 @dataclass(frozen=True)
@@ -66,11 +68,13 @@ class Outside:
 
     Attributes:
         limit: in words, such as ``limit of joint 'knee'``.
-        by: how far, m or rad.
+        by: how far.
+        unit: ``m`` or ``rad``; ``m or rad`` of a tendon along joints of both kinds.
     """
 
     limit: str
     by: float
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,11 @@ def outside_ranges(model: mujoco.MjModel, qpos: np.ndarray, data: mujoco.MjData 
     by = np.maximum(least - qpos, qpos - most)
     names = {int(address): joint for joint, address in enumerate(model.jnt_qposadr)}
     beyond = [
-        Outside(f"limit of {called('joint', element_name(model, _JOINT, names[address]))}", float(by[address]))
+        Outside(
+            f"limit of {called('joint', element_name(model, _JOINT, names[address]))}",
+            float(by[address]),
+            COUPLED["joints"].unit(model, names[address]),
+        )
         for address in np.flatnonzero(by > 0.0).tolist()
     ]
     assembly = fenced(model, data)
@@ -130,7 +138,9 @@ def outside_ranges(model: mujoco.MjModel, qpos: np.ndarray, data: mujoco.MjData 
     own, there = assembly.model, assembly.data
     for row in range(there.ne, there.nefc):
         if there.efc_pos[row] < -INSET:  # a length or the angle of a ball is computed, and rounded
-            beyond.append(Outside(row_name(own, there, row), -float(there.efc_pos[row])))
+            along = COUPLED["tendons" if there.efc_type[row] == _ALONG_TENDON else "joints"]
+            unit = along.unit(own, int(there.efc_id[row]))
+            beyond.append(Outside(row_name(own, there, row), -float(there.efc_pos[row]), unit))
     return tuple(sorted(beyond, key=lambda one: -one.by))
 
 

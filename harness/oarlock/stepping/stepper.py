@@ -135,20 +135,20 @@ class Stepper:
         self._core.step(data)
 
     def rollout(
-        self, data: Sequence[mujoco.MjData], *, steps: int | None = None, ctrl: np.ndarray | None = None
+        self, data: Sequence[mujoco.MjData], *, steps: int | None = None, control: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Takes steps with many data, side by side on all cores, without the interpreter lock.
 
         Args:
             data: different ones, each at its start; they are left at the end.
-            steps: how many; as ``ctrl`` has them if left out.
-            ctrl: controls before every step, (data, steps, nu); those of the data, all along, if left out.
+            steps: how many; as ``control`` has them if left out.
+            control: controls before every step, (data, steps, nu); those of the data, all along, if left out.
 
         Returns:
             Positions (data, steps, nq) and velocities (data, steps, nv) at the end of every step.
 
         Raises:
-            InputError: as ``step``, with the number of the data; a data that is there twice, or ``ctrl`` of another
+            InputError: as ``step``, with the number of the data; a data that is there twice, or ``control`` of another
                 shape.
         """
         data = list(data)
@@ -156,16 +156,16 @@ class Stepper:
             self._require(one)
             if any(one is other for other in data[:index]):
                 raise InputError(f"data[{index}] is there twice, expected different ones")
-        given = None if ctrl is None else np.ascontiguousarray(ctrl, dtype=float)
+        given = None if control is None else np.ascontiguousarray(control, dtype=float)
         if given is not None and (given.ndim != 3 or given.shape[0] != len(data) or given.shape[2] != self._model.nu):
             raise InputError(
-                f"ctrl of the shape {given.shape}, expected ({len(data)}, steps, {self._model.nu}): data, steps, nu"
+                f"control of the shape {given.shape}, expected ({len(data)}, steps, {self._model.nu}): data, steps, nu"
             )
         if steps is not None and not isinstance(steps, int):
             raise InputError(f"steps = {steps!r}, expected a whole number ≥ 1")
         count = steps if steps is not None else given.shape[1] if given is not None else 0
         if count < 1 or (given is not None and given.shape[1] != count):
-            raise InputError(f"steps = {steps}, expected a whole number ≥ 1, as ctrl has them")
+            raise InputError(f"steps = {steps}, expected a whole number ≥ 1, as control has them")
         return self._core.rollout([one._address for one in data], count, given)
 
     def close(self, data: mujoco.MjData) -> None:

@@ -54,7 +54,7 @@ class ClosedPose:
         speeds: the same of the rates, m/s and rad/s.
         left: what is left open at ``qpos``; of a closed pose, rounding.
         moved: largest change of a coordinate, rad or m, as the joint has it.
-        moved_joint: whose; empty where nothing moved.
+        moved_joint: whose; empty where nothing moved. moved_unit: ``m`` or ``rad``.
         moved_speed: largest change of a velocity.
         norm: the whole change, rad: the root of the sum of squares, lengths over ``arm``; of all closed poses inside of
             ranges this one has the least.
@@ -79,6 +79,7 @@ class ClosedPose:
     left: tuple[Opening, ...]
     moved: float
     moved_joint: str
+    moved_unit: str
     moved_speed: float
     norm: float
     arm: float
@@ -176,6 +177,7 @@ def nearest_closed(
         left=left,
         moved=moved,
         moved_joint=element_name(model, _JOINT, int(model.dof_jntid[most])) if moved else "",
+        moved_unit="m" if lengths(model)[most] else "rad",
         moved_speed=float(np.abs(velocity - speed).max()),
         norm=norm,
         arm=arm,

@@ -275,7 +275,7 @@ def _start(exam: Examination) -> Iterator[Finding]:
 def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
     more = []
     if pose.moved_joint:
-        more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g}{_unit(exam, pose)}")
+        more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g} {pose.moved_unit}")
     if pose.outside:
         more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
     one = opened.of(pose.openings, pose.speeds, [*more, *_as_it_starts(exam), *references.closing(exam)])
@@ -297,15 +297,6 @@ def _as_it_starts(exam: Examination) -> Iterator[str]:
 def _offsets(exam: Examination) -> set[str]:
     """Couplings whose offset is what opens the start, so that it is the coupling that has to be mended (S4)."""
     return {one.equality for one in exam.lasting if one.attribute == "polycoef"}
-
-
-def _unit(exam: Examination, pose: ClosedPose) -> str:
-    model = exam.model
-    names = [element_name(model, _JOINT, joint) for joint in range(model.njnt)]
-    kind = model.jnt_type[names.index(pose.moved_joint)]
-    if kind == mujoco.mjtJoint.mjJNT_FREE:
-        return " (m or rad)"
-    return " m" if kind == mujoco.mjtJoint.mjJNT_SLIDE else " rad"
 
 
 # The settings and the run.
