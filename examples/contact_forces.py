@@ -18,6 +18,7 @@ while data.time < 1.0:
 print(f"t = {data.time:.3f} s, {data.ncon} contacts")
 
 for one in oarlock.reactions(model, data):
-    given, exact = (load.force if load.force is not None else load.along for load in (one.given, one.exact))
+    loads = (load.along if load.force is None else load.force for load in (one.given, one.exact))
+    given, exact = (np.linalg.norm(np.asarray(load)) for load in loads)
     print(f"{one.equality:4} {' – '.join(one.ends):45} {one.verdict:13}", end="")
-    print(f" MuJoCo {np.linalg.norm(given):8.4f}  exact {np.linalg.norm(exact):8.4f}", *one.beside)
+    print(f" MuJoCo {given:8.4f}  exact {exact:8.4f}", *one.beside)
