@@ -162,7 +162,9 @@ def _run(found: Examination) -> None:
         if found.closed and found.recording.steps and not found.moved:
             loops = found.pose.loops
             with _Reason(found, "undriven"):
-                found.undriven = find_undriven(found.recording, loops, found.pose.mobility, found.size)
+                found.undriven = find_undriven(
+                    found.recording, loops, found.pose.mobility, found.size, partial(symptoms.coupled, found)
+                )
             found.stuck = find_stuck(found.recording, loops, found.size, partial(takes_degrees, found.path))
             with _Reason(found, "missed"):
                 symptoms.missed(found)

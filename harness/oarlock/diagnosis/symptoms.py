@@ -2,6 +2,7 @@
 
 import copy
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -17,8 +18,11 @@ from oarlock.diagnosis.runs.parted import Parted, find_all_parted
 from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.diagnosis.runs.targets import find_targets
+from oarlock.diagnosis.runs.undriven import Coupling
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities
+from oarlock.mechanics.given import COMPILED
+from oarlock.mechanics.load import as_asked, collected_warnings
 from oarlock.mechanics.names import equalities
 
 ROUNDS = 1e-9
@@ -36,6 +40,23 @@ def missed(found: Examination) -> None:
     said = {one.group for one in found.stuck}
     said |= {number for number, group in enumerate(loops.groups) if not names.isdisjoint(group.equalities)}
     found.missed = find_missed(found.recording, loops, found.size, said)
+
+
+def coupled(found: Examination, couplings: Sequence[Coupling]) -> mujoco.MjModel | None:
+    """The model with more couplings of joints; None where its file is no MJCF, or MuJoCo refuses them."""
+    if found.path.suffix == COMPILED or found.path.suffix == ".py":
+        return None
+    try:
+        with collected_warnings():
+            spec = mujoco.MjSpec.from_file(str(found.path))
+            for one in couplings:
+                made = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=one.joint1, name2=one.joint2)
+                made.data[:5] = one.offset, one.ratio, 0.0, 0.0, 0.0
+            model = spec.compile()
+    except (ValueError, RuntimeError, mujoco.FatalError):
+        return None
+    as_asked(model, found.model)
+    return model
 
 
 def all_parted(found: Examination) -> tuple[Parted, ...]:

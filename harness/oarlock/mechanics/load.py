@@ -67,6 +67,17 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None, *, close
     return model
 
 
+def as_asked(model: mujoco.MjModel, like: mujoco.MjModel) -> None:
+    """Gives a model that was compiled anew the options of another, and where a keyframe has its mocap bodies."""
+    for name in dir(like.opt):  # those that were asked for, and what was switched off
+        value = getattr(like.opt, name)
+        if isinstance(value, np.ndarray):
+            getattr(model.opt, name)[:] = value
+        elif not name.startswith("_") and not callable(value):
+            setattr(model.opt, name, value)
+    model.body_pos[:], model.body_quat[:] = like.body_pos, like.body_quat
+
+
 def takes_degrees(path: Path) -> bool:
     """Whether angles in a file of MJCF are degrees; False of what is no text."""
     if path.suffix in (".py", COMPILED):

@@ -145,3 +145,45 @@ def test_a_flex_beside_the_loop_is_left_alone(tmp_path):
     file.write_text(text)
     checked = oarlock.check(file, controls="constant", budget=0, duration=1.0)
     assert "A8" in {one.code for one in checked.verdict}
+
+
+SHARED = """<mujoco><option timestep="0.001"/>
+  <default><geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
+    <joint axis="0 1 0" damping="{damping}"/></default>
+  <worldbody>{legs}</worldbody>
+  <tendon><fixed name="belt"><joint joint="a_crank" coef="1"/><joint joint="b_crank" coef="{coef}"/></fixed></tendon>
+  <equality>{pins}{more}</equality><actuator><position name="belt" tendon="belt" kp="20" kv="0.5"/></actuator>
+  <keyframe><key name="k" ctrl="0"/></keyframe></mujoco>"""
+
+
+def shared(coef: float, more: str = "") -> str:
+    legs, pins = bars("a", 0.0) + bars("b", 0.4), ""
+    for name in "ab":
+        pins += f'<connect name="{name}_pin" body1="{name}rod" body2="{name}rocker" anchor="0.1 0 0"/>'
+    return SHARED.format(damping=0.02, legs=legs, pins=pins, coef=coef, more=more)
+
+
+def test_loops_on_one_tendon_are_looked_at_together_and_the_coupling_that_is_named_keeps_them(tmp_path):
+    one, answer = undriven(shared(-1.0), tmp_path)  # both fall the same way, and their difference is what is driven
+    assert (one.figures["dof"], one.figures["driven"]) == (2, 1)
+    assert {one.element, *one.figures["also"]} == {"a_pin", "b_pin"}
+    (coupling,) = one.figures["couplings"]
+    assert coupling in answer
+    assert way(shared(-1.0, coupling)) < 0.1 * way(shared(-1.0))
+    assert undriven(shared(-1.0, coupling), tmp_path)[0] is None
+
+
+def test_a_difference_that_nothing_moves_is_not_named(tmp_path):
+    text = shared(1.0).replace('name="b_crank"', 'name="b_crank" stiffness="50"')
+    text = text.replace('name="a_crank"', 'name="a_crank" stiffness="50"')
+    assert undriven(text, tmp_path)[0] is None
+
+
+def test_what_the_loops_take_of_the_energy_is_a_note_where_they_hold(tmp_path):
+    file = tmp_path / "m.xml"
+    text = shared(-1.0, '<joint joint1="a_crank" joint2="b_crank" polycoef="0 -1 0 0 0"/>')
+    file.write_text(text.replace("<default>", '<default><equality solref="0.002 1" solimp="0.999 0.999 0.001"/>'))
+    checked = oarlock.check(file, budget=0)
+    assert max(one.largest for one in checked.examination.drifts if one.level == "position") < 1e-4
+    assert {one.severity for one in checked.verdict if one.code == "E1"} <= {"note"}
+    assert checked.answer.startswith(("The loops hold", "Every loop holds"))

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import mujoco
-import numpy as np
 
 from oarlock.base.errors import InputError, one_line
 from oarlock.diagnosis.beginning import begin
@@ -16,7 +15,7 @@ from oarlock.diagnosis.loops.poses import ClosedPose, nearest_closed
 from oarlock.diagnosis.runs.recipe import Recipe, recipe
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial
 from oarlock.mechanics.flexes import flex_equalities
-from oarlock.mechanics.load import collected_warnings, load_model
+from oarlock.mechanics.load import as_asked, collected_warnings, load_model
 from oarlock.poses.layout import Layout
 
 SEEDS = (11, 12)
@@ -98,13 +97,7 @@ class Bench:
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             raise InputError(f"{path}: MuJoCo refuses to exclude contacts: {one_line(error)}") from None
-        for name in dir(like.opt):  # those that were asked for, and what was switched off
-            value = getattr(like.opt, name)
-            if isinstance(value, np.ndarray):
-                getattr(model.opt, name)[:] = value
-            elif not name.startswith("_") and not callable(value):
-                setattr(model.opt, name, value)
-        model.body_pos[:], model.body_quat[:] = like.body_pos, like.body_quat  # of a keyframe's mocap bodies
+        as_asked(model, like)
         return model
 
     def start(self, changes: Sequence[Change]) -> Start:

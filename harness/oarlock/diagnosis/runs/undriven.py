@@ -6,22 +6,27 @@ What is left of a velocity without the part of least kinetic energy that moves t
     v = N c,    c_u = c − M_N⁻¹ (R N)ᵀ (R N M_N⁻¹ (R N)ᵀ)⁺ R v    with M_N = Nᵀ M N
 
 How far it takes the bodies over the run tells whether it matters: a rod that turns between two balls about its own
-axis takes nothing anywhere.
+axis takes nothing anywhere. Groups that one actuator moves together, by a tendon, are looked at together: it drives
+their sum, and what is between them goes its own way.
 """
 
 import copy
 import itertools
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from oarlock.diagnosis.loops.loops import Group, Loops
+from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.loops.mobility import Mobility
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.rerun import rerun
+from oarlock.diagnosis.runs.walking import own_copy, walk
+from oarlock.mechanics.controls import drive
 from oarlock.mechanics.engine_version import full_mass
+from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.servos import moments
 from oarlock.poses.assembly import Assembly
@@ -68,6 +73,22 @@ class Spring:
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """A joint equality, joint1 = offset + ratio · joint2, both counted from the model's own pose."""
+
+    joint1: str
+    joint2: str
+    offset: float
+    ratio: float
+
+    @property
+    def written(self) -> str:
+        """As MJCF."""
+        polynomial = f"{self.offset:.6g} {self.ratio:g} 0 0 0"
+        return f'<joint joint1="{self.joint1}" joint2="{self.joint2}" polycoef="{polynomial}"/>'
+
+
+@dataclass(frozen=True)
 class Undriven:
     """A group of loops with more freedom than drives.
 
@@ -79,6 +100,8 @@ class Undriven:
         body: that goes furthest; way: how far, m.
         falls: part of the way that is gone without gravity.
         springs: that keep it; left: the way of the body in a run with them, m; None: they do not, or were not tried.
+        couplings: that keep it, in place of springs.
+        together: joints of several groups that one actuator moves together; empty: it is about one group.
     """
 
     equality: str
@@ -92,6 +115,8 @@ class Undriven:
     falls: float
     springs: tuple[Spring, ...] = ()
     left: float | None = None
+    couplings: tuple[Coupling, ...] = ()
+    together: tuple[str, ...] = ()
 
 
 @dataclass
@@ -103,7 +128,11 @@ class _Ways:
 
 
 def find_undriven(
-    recording: Recording, loops: Loops, mobility: tuple[Mobility, ...], size: float
+    recording: Recording,
+    loops: Loops,
+    mobility: tuple[Mobility, ...],
+    size: float,
+    coupled: Callable[[Sequence[Coupling]], mujoco.MjModel | None] = lambda _: None,
 ) -> tuple[Undriven, ...]:
     """Looks at the groups that an actuator drives.
 
@@ -112,32 +141,55 @@ def find_undriven(
         loops: at the closed start.
         mobility: of its groups.
         size: of the loops, m.
+        coupled: makes the model with more couplings; None where that cannot be had.
     """
     model = recording.model
     if not model.nu or recording.end.how != "finished" or recording.steps < 2:
         return ()
     found = []
-    for number, group in enumerate(loops.groups):
-        near = next((one.near for one in mobility if one.equalities == group.equalities and one.moves), 0)
-        one = _Group(recording, loops, number, near) if near else None
+    freedom = {one.equalities: one.near for one in mobility if one.moves}
+    for numbers in _together(recording, loops):
+        near = sum(freedom.get(loops.groups[number].equalities, 0) for number in numbers)
+        one = _Group(recording, loops, numbers, near) if near else None
         if one is None or one.driven >= near:
             continue
         # A pendulum on a string is what nothing drives, and what is pushed by others; a linkage is to be driven.
-        pinned = any(loops.loops[member].equality.kind.joins_points for member in loops.members(number))
+        pinned = any(loops.loops[member].equality.kind.joins_points for member in one.members)
         ways = one.ways(recording.qpos)
         if ways.bodies.max(initial=0.0) > FAR * size:
-            made = _undriven(recording, one, group, near, ways, size)
+            made = _undriven(recording, one, ways, size, coupled)
+            # What grips an object adapts to it: fingers on one tendon are to differ where they touch something.
+            if numbers[1:] and made.falls <= FALLS and any(push.kind == "contact" for push in recording.pushes):
+                continue
             if one.driven or (pinned and near == 1 and made.falls > FALLS):
                 found.append(made)
     return tuple(found)
 
 
-class _Group:
-    """A group's motions at poses of a run."""
+def _together(recording: Recording, loops: Loops) -> list[list[int]]:
+    """Numbers of groups, those together that some actuator moves at once."""
+    data = recording.restart(recording.model)
+    data.qpos[:] = loops.qpos
+    mujoco.mj_fwdPosition(recording.model, data)
+    every = moments(recording.model, data)
+    sets = [{number} for number in range(len(loops.groups))]
+    for row in every:
+        own = {number for number in range(len(loops.groups)) if np.any(row[loops.dofs(number)])}
+        if len(own) > 1:
+            joined = own.union(*(one for one in sets if one & own))
+            sets = [one for one in sets if not one & own] + [joined]
+    return sorted(sorted(one) for one in sets)
 
-    def __init__(self, recording: Recording, loops: Loops, number: int, dof: int):
-        self.model = recording.model
-        self.dofs, self.members, self.dof = loops.dofs(number), loops.members(number), dof
+
+class _Group:
+    """The motions of a group, or of several that share an actuator, at poses of a run."""
+
+    def __init__(self, recording: Recording, loops: Loops, numbers: list[int], dof: int):
+        self.model, self.dof = recording.model, dof
+        self.parts = [loops.dofs(number) for number in numbers]
+        self.dofs = sorted({at for dofs in self.parts for at in dofs})
+        self.members = sorted({member for number in numbers for member in loops.members(number)})
+        self.equalities = [name for number in numbers for name in loops.groups[number].equalities]
         data = recording.restart(self.model)
         recording.layout.activate(data)  # a flex is left as MuJoCo has it
         self._assembly = Assembly(self.model, data)
@@ -197,33 +249,87 @@ class _Group:
         return motions @ (data.qfrc_passive - data.qfrc_bias)
 
 
-def _undriven(recording: Recording, one: _Group, group: Group, dof: int, ways: _Ways, size: float) -> Undriven:
-    model = recording.model
+def _undriven(
+    recording: Recording,
+    one: _Group,
+    ways: _Ways,
+    size: float,
+    coupled: Callable[[Sequence[Coupling]], mujoco.MjModel | None],
+) -> Undriven:
+    model, loose = recording.model, one.dof - one.driven
     body = int(ways.bodies.argmax())
-    driven = {int(dof) for index in one.actuators for dof in np.flatnonzero(one.at(recording.qpos[0])[1][index])}
+    drives = one.at(recording.qpos[0])[1][one.actuators]
+    several = [sum(bool(np.any(row[part])) for part in one.parts) > 1 for row in drives]
+    shared = [row for row, wide in zip(drives, several, strict=True) if wide]
+    driven = {int(dof) for row, wide in zip(drives, several, strict=True) if not wide for dof in np.flatnonzero(row)}
     free = [dof for dof in one.dofs if dof not in driven]
     free = [dof for dof in free if model.jnt_type[model.dof_jntid[dof]] in _ONE]
-    free.sort(key=lambda dof: -ways.joints[dof] * (1.0 if _turns(model, dof) else 1.0 / size))
+    # Of what one tendon drives: those that it pulls come first, for they are what is to be coupled.
+    pulled = {int(dof) for row in shared for dof in np.flatnonzero(row)}
+    free.sort(key=lambda dof: (dof not in pulled, -ways.joints[dof] * (1.0 if _turns(model, dof) else 1.0 / size)))
     joints = [(_name(model, at), float(ways.joints[at]), "rad" if _turns(model, at) else "m") for at in free]
     weightless = copy.deepcopy(model)
     weightless.opt.gravity[:] = 0.0
     again = rerun(recording, weightless)
     rest = 1.0 if again is None else float(one.ways(again.qpos).bodies[body] / ways.bodies[body])
-    springs, left = _kept(recording, one, free, size, body)
+    springs: tuple[Spring, ...] = ()
+    couplings, left = _coupled(recording, one, shared, body, coupled)
+    if left is None or left > LEAVES * ways.bodies[body]:
+        couplings = ()
+        springs, left = _kept(recording, one, [dof for dof in free if dof not in pulled], size, body)
     kept = left is not None and left <= LEAVES * ways.bodies[body]
     return Undriven(
-        equality=group.equalities[0],
-        others=group.equalities[1:],
-        dof=dof,
+        equality=one.equalities[0],
+        others=tuple(one.equalities[1:]),
+        dof=one.dof,
         driven=one.driven,
         actuators=tuple(element_name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, index) for index in one.actuators),
-        joints=tuple(joints[: max(1, dof - one.driven) + 1]),
+        joints=tuple(joints[: max(1, loose) + 1]),
         body=element_name(model, _BODY, body),
         way=float(ways.bodies[body]),
         falls=max(0.0, 1.0 - rest),
         springs=springs if kept else (),
         left=left if kept else None,
+        couplings=couplings if kept else (),
+        together=tuple(_name(model, dof) for dof in sorted(pulled)) if one.parts[1:] else (),
     )
+
+
+def _coupled(
+    recording: Recording,
+    one: _Group,
+    shared: list[np.ndarray],
+    body: int,
+    coupled: Callable[[Sequence[Coupling]], mujoco.MjModel | None],
+) -> tuple[tuple[Coupling, ...], float | None]:
+    """Couplings of what one actuator pulls in several groups, and how far the body goes in a run with them.
+
+    Each joint follows the first of them, as far as that moves and in the direction in which the actuator pulls both.
+    """
+    model = recording.model
+    if len(shared) != 1 or len(one.parts) - 1 != one.dof - one.driven:
+        return (), None
+    pulled = [[int(dof) for dof in part if shared[0][dof]] for part in one.parts]
+    if any(len(dofs) != 1 or model.jnt_type[model.dof_jntid[dofs[0]]] not in _ONE for dofs in pulled):
+        return (), None
+    first, *others = [dofs[0] for dofs in pulled]
+    found = []
+    for dof in others:
+        ratio = math.copysign(1.0, shared[0][first] * shared[0][dof])
+        places = [int(model.jnt_qposadr[model.dof_jntid[at]]) for at in (first, dof)]
+        moved = [float(recording.qpos[0, place] - model.qpos0[place]) for place in places]
+        offset = moved[0] - ratio * moved[1]
+        found.append(Coupling(_name(model, first), _name(model, dof), 0.0 if abs(offset) < 1e-9 else offset, ratio))
+    with_them = coupled(found)
+    if with_them is None:
+        return (), None
+    with_them = own_copy(with_them)
+    data = recording.restart(with_them)
+    with np.errstate(all="ignore"), collected_warnings():
+        poses = [data.qpos.copy() for _ in walk(with_them, data, drive(with_them, recording.laws), recording.steps)]
+    if len(poses) < recording.steps or not np.isfinite(poses[-1]).all():
+        return (), None
+    return tuple(found), float(one.ways(np.array(poses)).bodies[body])
 
 
 def _kept(

@@ -6,7 +6,7 @@ from oarlock.base.errors import few
 from oarlock.base.numbers import figure, percent
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examined import Examination
-from oarlock.diagnosis.runs.drifts import Drift
+from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
 from oarlock.diagnosis.runs.recipe import Recipe
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.verdict.blame import behind, held, with_armature
@@ -100,6 +100,11 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
         )
     if holds:
         return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(worst, 'at most ')}"
+    if worst.largest <= VISIBLE:
+        return (
+            f"The loops hold: {_opens(worst, 'at most ')}, which is more than the wanted {figure(exam.target)} m or "
+            f"rad and less than what is seen{_mended(exam)}"
+        )
     return f"{_opens(worst)}{_mended(exam)}"
 
 

@@ -13,7 +13,7 @@ from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.runs.obstacles import Obstacle
 from oarlock.diagnosis.runs.stuck import Late, Stuck
-from oarlock.diagnosis.runs.undriven import Spring
+from oarlock.diagnosis.runs.undriven import Spring, Undriven
 from oarlock.diagnosis.verdict.blame import beyond_repair, in_words
 from oarlock.diagnosis.verdict.cost import metres
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found
@@ -246,35 +246,7 @@ def undriven(exam: Examination) -> Iterator[Finding]:
         names = (one.equality, *one.others)
         if not (beyond_repair(exam) | starved(exam)).isdisjoint(names):
             continue
-        loose = one.dof - one.driven
-        ways = [f"{quoted(name)} by {way:.2g} {unit}" for name, way, unit in one.joints]
-        weight = ", by its weight" if one.falls > HALF else ""
-        freedom = f"{one.dof} degree{'s' if one.dof > 1 else ''} of freedom"
-        if one.driven:
-            drives = (
-                f"{in_words(list(one.actuators))} {'drive' if one.actuators[1:] else 'drives'} {one.driven} of them"
-            )
-            other = f"the other {f'{loose} go their' if loose > 1 else 'goes its'} own way"
-        else:
-            drives, other = "no actuator drives it", "it goes its own way"
-        ways = f", {few(ways, last='and')} in all," if ways else ""
-        take = "take" if one.driven and loose > 1 else "takes"
-        said = (
-            f"its loop has {freedom} and {drives}: {other}{ways} and {take} {quoted(one.body)} {one.way:.2g} m"
-            f"{weight}; "
-        )
-        joints = [quoted(spring.joint) for spring in one.springs] or [quoted(name) for name, *_ in one.joints]
-        if one.springs:
-            said += (
-                f"with {few([_spring(exam, spring) for spring in one.springs], last='and')} it goes {one.left:.2g} m; "
-            )
-            said += "or drive, or couple, "
-        else:
-            said += "drive, or couple, "
-        if joints:
-            said += f"{'one of ' if not one.springs and joints[loose:] else ''}{few(joints, last='and')}"
-        else:
-            said += "what its ball and free joints leave free"
+        said = _loose(one) + _kept(exam, one)
         figures = {
             "also": list(one.others),
             "dof": one.dof,
@@ -284,8 +256,44 @@ def undriven(exam: Examination) -> Iterator[Finding]:
             "falls": one.falls,
             "left": one.left,
             "springs": [asdict(spring) for spring in one.springs],
+            "couplings": [coupling.written for coupling in one.couplings],
         }
         yield found("A8", exam.file, said, element=one.equality, **figures)
+
+
+def _loose(one: Undriven) -> str:
+    """Which freedom nothing drives, and where it goes."""
+    loose = one.dof - one.driven
+    ways = [f"{quoted(name)} by {way:.2g} {unit}" for name, way, unit in one.joints]
+    weight = ", by its weight" if one.falls > HALF else ""
+    freedom = f"{one.dof} degree{'s' if one.dof > 1 else ''} of freedom"
+    others = f"{'those' if one.others[1:] else 'that'} of {in_words(list(one.others))}" if one.others else ""
+    whose = f"its loop and {others} have" if one.together else "its loop has"
+    if one.driven:
+        drives = f"{in_words(list(one.actuators))} {'drive' if one.actuators[1:] else 'drives'} {one.driven} of them"
+        drives += f", what {in_words(list(one.together))} do together" if one.together else ""
+        other = f"the other {f'{loose} go their' if loose > 1 else 'goes its'} own way"
+    else:
+        drives, other = "no actuator drives it", "it goes its own way"
+    ways = f", {few(ways, last='and')} in all," if ways else ""
+    take = "take" if one.driven and loose > 1 else "takes"
+    return f"{whose} {freedom} and {drives}: {other}{ways} and {take} {quoted(one.body)} {one.way:.2g} m{weight}; "
+
+
+def _kept(exam: Examination, one: Undriven) -> str:
+    """What would keep it."""
+    loose = one.dof - one.driven
+    if one.couplings:
+        written = few([coupling.written for coupling in one.couplings], last="and")
+        return f"with {written} in <equality> it goes {one.left:.2g} m"
+    joints = [quoted(spring.joint) for spring in one.springs] or [quoted(name) for name, *_ in one.joints]
+    said = "drive, or couple, "
+    if one.springs:
+        with_them = few([_spring(exam, spring) for spring in one.springs], last="and")
+        said = f"with {with_them} it goes {one.left:.2g} m; or {said}"
+    if joints:
+        return f"{said}{'one of ' if not one.springs and joints[loose:] else ''}{few(joints, last='and')}"
+    return f"{said}what its ball and free joints leave free"
 
 
 def _spring(exam: Examination, one: Spring) -> str:
