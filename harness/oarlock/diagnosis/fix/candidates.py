@@ -103,12 +103,19 @@ def closed_keyframe(bench: Bench, changes: Sequence[Change] = ()) -> Keyframe | 
     if pose is None or not pose.closed:
         return None
     elsewhere = exam is not base and not (np.array_equal(exam.qpos, base.qpos) and np.array_equal(exam.qvel, base.qvel))
-    if pose.consistent and not elsewhere:
+    if (pose.consistent and not elsewhere) or _drawn_apart(exam, pose):
         return None
     key = source_key(base.model, base.options.keyframe)
     if key is not None:
         return Keyframe(pose.qpos, pose.qvel, key=key)
     return Keyframe(pose.qpos, pose.qvel, name=new_name(base.model), ctrl=_held(base.model, exam.laws))
+
+
+def _drawn_apart(exam: Examination, pose: ClosedPose) -> bool:
+    """Whether all that stands open joins a point in the air (S5): closed, it would hold what nobody drew."""
+    apart = {remark.element for remark in exam.remarks.get("drawn", [])}
+    open_ = {one.equality for one in pose.openings if one.largest > CONSISTENT}
+    return bool(open_) and open_ <= apart
 
 
 def closes_inside(bench: Bench, taken: Sequence[Constants], change: Constants) -> bool:

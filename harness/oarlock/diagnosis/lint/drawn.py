@@ -31,6 +31,9 @@ MEETS = 0.01
 LONG = 3.0
 """Times its other two: a box or ellipsoid that is so long is a link with two ends."""
 
+ROUNDED = 5e-7
+"""m: less is written as 0."""
+
 _GEOM = mujoco.mjtGeom
 _ROUND = (int(_GEOM.mjGEOM_CAPSULE), int(_GEOM.mjGEOM_CYLINDER))
 _DRAWN = (*_ROUND, int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_ELLIPSOID))
@@ -108,12 +111,11 @@ def _in_another_frame(view: View, data: mujoco.MjData, one: Equality) -> Remark 
             continue
         wanted = data.xmat[first].reshape(3, 3).T @ (place - data.xpos[first])
         gap = float(np.linalg.norm(place - here))
-        written = " ".join(f"{0.0 if abs(value) < 5e-7 else value:.6g}" for value in wanted.tolist())
         bodies = " and ".join(quoted(view.body(body)) for body in one.bodies)
         said = (
             f"its anchor {point(given)} is in the frame of {quoted(view.body(first))}, and pins {bodies} {told(gap)} m "
             f"away from where they meet, at a point in the air; read in the frame of {frame} it is that place: "
-            f'write anchor="{written}"'
+            f"write anchor={_written(wanted)}"
         )
         return Remark("S5", said, one.name, figures={"gap": gap, "wanted": wanted.tolist()})
     return None
@@ -159,13 +161,44 @@ def _remark(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.
     body = one.bodies[end]
     tip = data.xmat[body].reshape(3, 3).T @ (loose - data.xpos[body])
     held = " and ".join(f"{point(place)} of '{name}'" for place, name in zip(local, names, strict=True))
+    sites = [tip if side == end else place for side, place in enumerate(local)]
     said = (
         f"'{names[0]}' and '{names[1]}' are drawn {told(gap)} m apart in the model's own pose: it joins {held}, but "
-        f"'{names[end]}' is drawn to end at {point(tip)}; MuJoCo keeps that gap as it is drawn"
+        f"'{names[end]}' is drawn to end at {point(tip)}, and MuJoCo keeps that gap as it is drawn; "
+        f"{_by_sites(view, one, sites)}"
     )
-    return Remark(
-        "S5", said, one.name, figures={"gap": gap, "anchors": [place.tolist() for place in local], "end": tip.tolist()}
+    figures = {
+        "gap": gap,
+        "anchors": [place.tolist() for place in local],
+        "end": tip.tolist(),
+        "sites": [place.tolist() for place in sites],
+    }
+    return Remark("S5", said, one.name, figures=figures)
+
+
+def _by_sites(view: View, one: Equality, sites: list[np.ndarray]) -> str:
+    """What joins both links where they are drawn to end, and how far apart that leaves them at the start."""
+    data, drawn = view.data, mujoco.MjData(view.model)
+    mujoco.mj_kinematics(view.model, drawn)
+    names = [view.body(body) for body in one.bodies]
+    where = " and ".join(f"pos={_written(place)} of '{name}'" for place, name in zip(sites, names, strict=True))
+    said = f'join two sites there, <connect site1="…" site2="…"/> with {where}'
+    away, elsewhere = (_between(one, sites, each) for each in (data, drawn))
+    if away <= MEETS * view.size < elsewhere:
+        return f"{said}, which meet at the start to {told(away)} m; or turn the links so that they are drawn together"
+    return f"{said}; or turn the links so that they are drawn together"
+
+
+def _written(place: np.ndarray) -> str:
+    return f'"{" ".join(f"{0.0 if abs(value) < ROUNDED else value:.6g}" for value in place.tolist())}"'
+
+
+def _between(one: Equality, sites: list[np.ndarray], data: mujoco.MjData) -> float:
+    """Between a point (3) of each of two bodies, m."""
+    first, second = (
+        data.xpos[body] + data.xmat[body].reshape(3, 3) @ place for body, place in zip(one.bodies, sites, strict=True)
     )
+    return float(np.linalg.norm(first - second))
 
 
 def _drawing(view: View, data: mujoco.MjData, one: Equality, body: int, geoms: np.ndarray) -> Drawing:

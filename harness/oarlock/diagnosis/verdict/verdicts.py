@@ -26,6 +26,7 @@ from oarlock.diagnosis.verdict import blame, blown, motions, ranks, references, 
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import named, priced
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
+from oarlock.diagnosis.verdict.short import short_along
 from oarlock.mechanics import newton
 from oarlock.mechanics.inequalities import may_act
 from oarlock.mechanics.load import collected_warnings, takes_degrees
@@ -90,7 +91,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
 
 # What is seen without a run.
 
-_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4", "C5", "S2"), "S7": ("S3", "S4")}
+_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4", "C5", "S2"), "S7": ("S3", "S4"), "S5": ("S1", "S6")}
 """Code of a remark → those of findings which say the same of its equality, only less of it, or what comes of it."""
 
 
@@ -253,7 +254,7 @@ def _start(exam: Examination) -> Iterator[Finding]:
     tilts = [f"the axis of {quoted(one.joint)} is tilted by {one.radians:.3g} rad" for one in pose.tilts]
     if not pose.closed:
         for culprit in pose.culprits:
-            said = "; ".join([culprit.of_first(), *references.reachable(exam, culprit), *tilts])
+            said = "; ".join([culprit.of_first(), *short_along(exam, culprit), *references.reachable(exam, culprit), *tilts])
             if any(one.equality in culprit.equalities for one in exam.targets):
                 continue  # S8
             yield found("S2", file, said, element=culprit.equalities[0], gap=max(o.largest for o in culprit.openings))
