@@ -12,6 +12,9 @@ from oarlock.cli.tables import print_table
 if TYPE_CHECKING:
     from oarlock.diagnosis.page.blocks import Chapter, Item
 
+MOST = 5
+"""Errors and warnings of one code that are printed; of more the first, and where the others are."""
+
 _COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
 
 
@@ -42,7 +45,7 @@ def print_chapter(chapter: "Chapter") -> None:
 
 
 def _print_findings(items: "Sequence[Item]") -> None:
-    """A line each; of one code and severity the first, and where the others are."""
+    """A line each; of notes of one code, and of many warnings, the first, and where the others are."""
     groups: dict[tuple[str, str], list[Item]] = {}
     for item in items:
         groups.setdefault((item.severity, item.code), []).append(item)
@@ -50,7 +53,11 @@ def _print_findings(items: "Sequence[Item]") -> None:
         text = Line(f"{severity:8}", style=_COLOURS[severity])
         text.append_text(shown(f"{code} {first.name}  {first.element + ': ' if first.element else ''}{first.line}"))
         console().print(text, soft_wrap=True)
+        shown_, others = (others, []) if severity != "note" and len(others) < MOST else ([], others)
+        for item in shown_:
+            print_line(f"{'':8}   {item.element + ': ' if item.element else ''}{item.line}")
         if others:
             names = list(dict.fromkeys(item.element for item in others if item.element))
-            print_line(f"{'':8}   and {len(others)} more{f': {few(names, most=6)}' if names else ''}")
+            where = f": {few(names, most=6)}" if names else ""
+            print_line(f"{'':8}   and {len(others)} more{where} (--report and --json have each)")
     print_line(f"oarlock explain {items[0].code} says what that means, how it is measured, and what to do")

@@ -83,8 +83,12 @@ class Checked(Answer):
 
     @property
     def mjcf(self) -> str:
-        """Settings that hold, as MJCF to paste; empty where nothing has to change or nothing was found."""
-        return self.examination.recipe.mjcf if self.examination.recipe else ""
+        """Settings that hold, as MJCF to paste.
+
+        Empty where nothing has to change, nothing was found, or something else has to be mended first.
+        """
+        exam = self.examination
+        return exam.recipe.mjcf if exam.recipe and not exam.withheld else ""
 
     def document(self) -> dict[str, Any]:
         """As ``oarlock check --json``."""

@@ -89,6 +89,7 @@ class Examination:
         given, determined: wrenches of MuJoCo's run and of the exact one.
         states: the log of states that takes the place of MuJoCo's own run.
         missing: part → why it is not there.
+        withheld: code of what has to be mended before settings that hold the loops are of use; empty: nothing.
         made: trials, for those that look for more.
     """
 
@@ -142,6 +143,7 @@ class Examination:
     determined: tuple[Wrench, ...] = ()
     states: StateLog | None = None
     missing: dict[str, str] = field(default_factory=dict)
+    withheld: str = ""
     made: Made = field(default_factory=Made)
 
     @property

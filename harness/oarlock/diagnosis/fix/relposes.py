@@ -2,7 +2,8 @@
 
 A relpose that neither a pose nor the drawing explains (S7) is written as it was meant. A weld without one holds the
 relative pose of the model's own pose: where nothing near a keyframe meets that inside of all ranges, the keyframe is
-what was meant (S6), and its relative pose is written. Else the pose is moved, as of a coupling. Nothing is taken with
+what was meant (S6), and its relative pose is written; and so it is where the keyframe stands open by more than ``FAR``
+of the loops' size. Else the pose is moved, as of a coupling. Nothing is taken with
 which the run opens further; of what S7 names, with which it opens more than ``NAMED`` times as far.
 """
 
@@ -19,6 +20,11 @@ from oarlock.diagnosis.fix.candidates import NAMED, UNMET, Offset, closes_inside
 from oarlock.diagnosis.fix.words import drifts
 from oarlock.diagnosis.lint.defined import relative_pose
 from oarlock.mechanics.names import Equality, equalities
+
+FAR = 0.1
+"""Of the size of the loops: a keyframe that stands open by more was posed so, and a weld is to hold it there."""
+
+HELD = "it has none of its own, and the keyframe was posed elsewhere (S6)"
 
 _MEANT = {4: "its quaternion was written as x y z w (S7)", 3: "that is how the bodies are drawn (S7)"}
 """How many numbers of a relpose a remark corrects → what speaks for them."""
@@ -72,8 +78,9 @@ def _undefined(bench: Bench) -> Iterator[Offset]:
     for remark in bench.exam.remarks.get("defined", []):
         if "wanted" in remark.figures and f"keyframe {quoted(remark.figures['keyframe'])}" == bench.base.begins:
             one = _weld(bench, remark.element)
-            values = tuple(relative_pose(bench.base.model, data, one).tolist())
-            yield Offset(one, _given(bench, one), RelativePose(one.index, values), UNMET)
+            values = tuple(float(f"{value:.12g}") for value in relative_pose(bench.base.model, data, one))
+            why = HELD if remark.figures["gap"] > FAR * bench.exam.size else UNMET
+            yield Offset(one, _given(bench, one), RelativePose(one.index, values), why)
 
 
 def _weld(bench: Bench, name: str) -> Equality:

@@ -36,6 +36,9 @@ CALM = 0.1
 STEPS = 30_000
 """Of all such runs together."""
 
+ARMATURES = (2.0, 10.0, 50.0, 250.0)
+"""Steps within which a damper is to take a velocity away at the least: armatures that are tried are so large."""
+
 FACTORS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3)
 """Of a suspect: the first with which a run stays finite, or opens by less than half, is told."""
 
@@ -55,6 +58,7 @@ class Behind:
         wanted: where a joint goes without its limit, rad or m; None of others.
         weight: part that is gone without gravity; None: not measured.
         lasting: what stays open in the run as it is, where that is what ``left`` and ``share`` are of.
+        armature: on the joint of a damper with which next to nothing is left, kg m² or kg, and what is.
     """
 
     equality: str
@@ -65,6 +69,7 @@ class Behind:
     weight: float | None = None
     wanted: tuple[float, float] | None = None
     lasting: Opening | None = None
+    armature: tuple[float, Opening] | None = None
 
 
 def find_behind(recording: Recording, worst: Drift, loops: Loops) -> Behind | None:
@@ -101,7 +106,30 @@ def find_behind(recording: Recording, worst: Drift, loops: Loops) -> Behind | No
     best = replace(best, weight=weight, lasting=lasting)
     if best.suspect is not None and best.suspect.scaled is not None:
         best = replace(best, factor=_factor(recording, best, place, given))
+    if best.suspect is not None and best.suspect.sort == "damper" and best.suspect.index < 0:
+        best = replace(best, armature=_armature(recording, best, place, given))
     return best
+
+
+def _armature(recording: Recording, best: Behind, place: int, given: float) -> tuple[float, Opening] | None:
+    """The least armature tried that makes a damper one that a step bears, and what is left; None: none does."""
+    assert best.suspect is not None
+    names = [element_name(recording.model, mujoco.mjtObj.mjOBJ_JOINT, one) for one in range(recording.model.njnt)]
+    dof = int(recording.model.jnt_dofadr[names.index(best.suspect.name)])
+    damping = float(recording.model.dof_damping.reshape(recording.model.nv, -1)[dof, 0])
+    for steps in ARMATURES:
+        model = copy.deepcopy(recording.model)
+        value = float(f"{steps * float(model.opt.timestep) * damping:.1g}")
+        model.dof_armature[dof] += value
+        mujoco.mj_setConst(model, mujoco.MjData(model))  # which softness is scaled by
+        model.eq_data[:] = recording.model.eq_data
+        again = rerun(recording, model)
+        if again is None:
+            continue
+        left = _left(recording, place, again.position, model, best.lasting is not None)
+        if left.largest <= CALM * given:
+            return float(model.dof_armature[dof]), left
+    return None
 
 
 def _left(recording: Recording, place: int, position: np.ndarray, model: mujoco.MjModel, lasts: bool) -> Opening:

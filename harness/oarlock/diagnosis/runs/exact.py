@@ -141,7 +141,7 @@ def record_exact(
     first = _record(own, start, laws, steps, note, start_s=start_s)
     if (
         _trusted(first)
-        or first.end.how == "refused"
+        or (first.end.how == "refused" and first.end.time_s <= start_s)  # the start, which no step changes
         or FINER * steps * model.nv * max(1.0, model.nv / MANY) > FINER_WORK
     ):
         return first

@@ -13,7 +13,7 @@ from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.diagnosis.runs.walking import own_copy
 from oarlock.diagnosis.runs.without import MOST, left_about
-from oarlock.mechanics.names import element_name
+from oarlock.mechanics.names import Equality, element_name, equalities
 from oarlock.mechanics.servos import Servo, servos
 
 CHOICES = 10
@@ -37,6 +37,9 @@ class Overdriven:
             servos alone, whichever they are.
         unit: of the two.
         lasts: whether both are what stays for good, over the last part of the run.
+        time_s: when the equality opens furthest; of what lasts, the end of the run.
+        kept: what is left with the servos on joints that nothing leads, or on those that are told most; None where
+            they do not come nearer to where they are told.
     """
 
     equality: str
@@ -48,6 +51,29 @@ class Overdriven:
     drift_without: float
     unit: str
     lasts: bool = False
+    time_s: float = 0.0
+    kept: "Kept | None" = None
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A run with as many servos as there is freedom.
+
+    Attributes:
+        servos: that are kept; others: that are not.
+        joint: of the first of them; told, before, after: where it is told to be, and ends in both runs, rad or m.
+        unit: of the three.
+        controls: with which the others would ask for where their joints then are, by their names.
+    """
+
+    servos: tuple[str, ...]
+    others: tuple[str, ...]
+    joint: str
+    told: float
+    before: float
+    after: float
+    unit: str
+    controls: tuple[tuple[str, float], ...]
 
 
 def find_overdriven(recording: Recording, drifts: list[Drift], loops: Loops, least: float) -> tuple[Overdriven, ...]:
@@ -117,6 +143,40 @@ def _place(recording: Recording, drift: Drift) -> int:
     return [one.name for one in recording.layout.equalities].index(drift.equality)
 
 
+def _kept(recording: Recording, group: Group, own: list[Servo]) -> Kept | None:
+    model, start = recording.model, recording.qpos[0]
+    places = {one.index: int(model.jnt_qposadr[one.joint]) for one in own}
+    told = {one.index: one.reached(one.told(model, float(recording.ctrl[-1, one.index]))) for one in own}
+    following = {int(model.eq_obj1id[one.index]) for one in equalities(model) if _leads(model, one, group)}
+    ordered = sorted(own, key=lambda one: (one.joint in following, -abs(told[one.index] - start[places[one.index]])))
+    keep, drop = ordered[: group.dof], ordered[group.dof :]
+    freed = own_copy(model)
+    off = [one.index for one in drop]
+    freed.actuator_gainprm[off], freed.actuator_biasprm[off] = 0.0, 0.0
+    again = rerun(recording, freed)
+    if again is None:
+        return None
+    first = keep[0]
+    before, after = (float(qpos[-1, places[first.index]]) for qpos in (recording.qpos, again.qpos))
+    if abs(told[first.index] - after) > (1.0 - MOST) * abs(told[first.index] - before):
+        return None
+    return Kept(
+        servos=tuple(one.name for one in keep),
+        others=tuple(one.name for one in drop),
+        joint=_joint(recording, first),
+        told=told[first.index],
+        before=before,
+        after=after,
+        unit="m" if model.jnt_type[first.joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad",
+        controls=tuple((one.name, one.holding(float(again.qpos[-1, places[one.index]]))) for one in drop),
+    )
+
+
+def _leads(model: mujoco.MjModel, one: Equality, group: Group) -> bool:
+    """Whether one joint of an equality of a group leads another."""
+    return one.name in group.equalities and one.kind.holds == "joints" and model.eq_obj2id[one.index] >= 0
+
+
 def _overdriven(
     recording: Recording,
     drifting: list[Drift],
@@ -141,5 +201,7 @@ def _overdriven(
         drift=worst.largest if lasting is None else lasting,
         drift_without=left,
         lasts=lasting is not None,
+        time_s=float(recording.time[step]),
+        kept=_kept(recording, group, own),
         unit="rad" if (worst.radians or 0.0) > (worst.metres or 0.0) else "m",
     )

@@ -90,7 +90,7 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
             said += f"; {with_armature(exam.rotors, worst.equality)}"
         if why.code == "A1" and why.severity != "note":
             said = said.replace(": ", f" is too stiff for a timestep of {exam.timestep_s:g} s: ", 1)
-        said += _closed_start(exam) if why.code == "S1" else ""
+        said += _closed_start(exam) if why.code == "S1" and not why.figures.get("relpose") else ""
         stopped = because and exam.behind is not None and exam.behind.wanted is not None
         return said if stopped or why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
     if holds and stands(exam):
@@ -173,6 +173,8 @@ def _mended_alone(exam: Examination, what: str) -> str:
 
 def _mended(exam: Examination, what: str = "it") -> str:
     recipe = exam.recipe
+    if exam.withheld:
+        return ""
     if recipe is None or recipe.outcome != "reached":
         return _mended_alone(exam, what)
     left = max([recipe.chosen, *recipe.verified], key=lambda one: one.drift)

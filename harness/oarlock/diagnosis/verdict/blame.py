@@ -24,6 +24,7 @@ from oarlock.diagnosis.runs.trials import Setting, Trial
 from oarlock.diagnosis.runs.without import MOST, Without, starving
 from oarlock.diagnosis.verdict.causes import CAUSE, IMPLICIT, Cause
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found
+from oarlock.mechanics.names import element_name
 from oarlock.mechanics.rows import closing_jacobian
 
 SCALE = 3.0
@@ -38,6 +39,9 @@ GENTLE = 0.5
 SAGS = 1.5
 """Times the largest sum of |f r|: a load that is let go takes f r once, and what overshoots is less than half of it. So
 much work is that of a loop that sags, which is compliance, and no motion that fades."""
+
+FEATHER = 0.01
+"""Of the median mass of bodies: one of less, with what it carries, has a placeholder for a mass."""
 
 SAME_COST = 0.15
 """Of a cost: less is not worth a word."""
@@ -93,7 +97,7 @@ def drift(exam: Examination) -> Iterator[Finding]:
         causes.setdefault((part.cause.code, groups.get(share.name, -1)), []).append((share, worst, part))
     for (code, _), members in causes.items():
         share, worst, part = max(members, key=lambda one: abs(one[0].worst))
-        said = f"drifts {amount(exam, share)} at t = {share.time_s:.4g} s; {_in_parts(share, part)}"
+        said = f"drifts {amount(exam, share)} at t = {share.time_s:.4g} s; {_in_parts(exam, share, part)}"
         also = {one.name: abs(one.worst) for one, *_ in members if one is not share}
         if also:
             said += f"; for the same reason also {in_words(list(also))}"
@@ -129,13 +133,30 @@ def behind(exam: Examination, equality: str) -> str:
     one = exam.behind
     if one is None or one.equality != equality or one.suspect is None or one.left is None:
         return ""
+    if one.suspect.sort == "limit" and any(each.equality == equality for each in exam.stopped):
+        return ""  # of which C5 says more
     of = "it" if one.lasting is None else f"what stays open ({one.lasting})"
     said = f"{percent(one.share)} of {of} is made by {one.suspect.said}: {one.suspect.tried} {one.left} is left"
     if one.wanted is not None:
         said += f", and it goes from {one.wanted[0] + 0.0:.3g} to {one.wanted[1] + 0.0:.3g}"
     if one.factor and one.suspect.sort in ("spring", "damper"):
         said += f", and less than half of it with {one.factor:g} times that"
+    if one.armature is not None:
+        value, left = one.armature
+        said += f', and {left} with armature="{value:g}" on that joint{_light(exam, one.suspect.name)}'
     return said
+
+
+def _light(exam: Examination, joint: str) -> str:
+    """What is said of a body that weighs next to nothing beside the others of its model."""
+    model = exam.model
+    names = [element_name(model, mujoco.mjtObj.mjOBJ_JOINT, one) for one in range(model.njnt)]
+    body = int(model.jnt_bodyid[names.index(joint)])
+    mass, others = float(model.body_subtreemass[body]), model.body_mass[1:]
+    if mass > FEATHER * float(np.median(others[others > 0.0])):
+        return ""
+    name = element_name(model, mujoco.mjtObj.mjOBJ_BODY, body)
+    return f", or a mass of its body {quoted(name)}, which has {mass:.2g} kg"
 
 
 def _gentle(exam: Examination, share: Share) -> str:
@@ -208,7 +229,26 @@ def _left(one: Without, share: Share) -> str:
     return str(one.left[share.name])
 
 
-def _in_parts(share: Share, part: Part) -> str:
+def measured_shares(exam: Examination, share: Share) -> dict[str, float]:
+    """The parts of a drift by cause, of the whole: by the row law, but where a run without a cause says otherwise.
+
+    What is measured of a cause is its part then, and the others share the rest as the row law has them.
+    """
+    worst = position(exam, share.name)
+    part = None if worst is None else _part(exam, share, worst)
+    if part is None or part.size is None:
+        return share.shares
+    own = next((cause for cause in CAUSE if CAUSE[cause] is part.cause), "stepping")  # of which implicit damping is one
+    others = {cause: max(0.0, size) for cause, size in share.shares.items() if cause != own}
+    rest, whole = 1.0 - part.size, sum(others.values())
+    if not part.left and part.size == min(1.0, share.shares[own]):
+        return share.shares
+    if not whole:
+        others, whole = {cause: float(cause == "compliance") for cause in others}, 1.0
+    return {cause: part.size if cause == own else rest * others[cause] / whole for cause in share.shares}
+
+
+def _in_parts(exam: Examination, share: Share, part: Part) -> str:
     """The parts in a sentence: together no more than the whole, and what opposes it by name only."""
     if part.size is None:
         return f"it is {part.cause.phrase} ({part.left})"
@@ -217,7 +257,8 @@ def _in_parts(share: Share, part: Part) -> str:
         return f"{said[0]} ({part.left})"
     known = (part.cause, IMPLICIT if part.cause is CAUSE["stepping"] else CAUSE["stepping"])
     known = known if part.cause in (IMPLICIT, CAUSE["stepping"]) else (part.cause,)
-    others = {cause: size for cause, size in share.shares.items() if CAUSE[cause] not in known and abs(size) >= UNSURE}
+    every = measured_shares(exam, share) if part.left else share.shares
+    others = {cause: size for cause, size in every.items() if CAUSE[cause] not in known and abs(size) >= UNSURE}
     rest = 1.0 - part.size
     said += [
         f"{percent(min(size, rest))} {CAUSE[cause].phrase}" for cause, size in others.items() if size > 0.0 and rest

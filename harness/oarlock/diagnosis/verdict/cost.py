@@ -36,6 +36,12 @@ _CAUSES = (
 )
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
+HIDES = ("A2", "A5", "C3", "C4", "C5", "L9", "L10", "L13", "L15", "S2", "S3", "S5", "S7")
+"""What stiffer equalities would hide, or fight, and not mend."""
+
+REST = 0.1
+"""Of a drift: how a loop gives way is a note where what is behind it leaves less."""
+
 TORN = 0.1
 """Of the mechanism's size: a loop that opens by more is torn, and how it moves is no linkage's motion."""
 
@@ -47,10 +53,31 @@ def priced(exam: Examination, findings: Iterable[Finding]) -> list[Finding]:
     return [_less(one, causes) if one.code in (*_DRIFT, "S1") else one for one in every]
 
 
+def withheld(findings: Sequence[Finding]) -> str:
+    """The code of what is to be mended before settings are of use; empty where nothing is.
+
+    Args:
+        findings: the worst first.
+    """
+    for one in findings:
+        if one.severity != "note" and one.code in HIDES:
+            return one.code
+        if one.severity != "note" and one.code in (*_DRIFT, "D6", "D8", "T2"):
+            return ""
+        if one.severity != "note" and one.code == "S1" and one.figures.get("relpose"):
+            return one.code  # it was tried from another start than the one that is meant
+    return ""
+
+
 def _less(finding: Finding, causes: Sequence[Finding]) -> Finding:
-    """Without what causes behind it cost the same equality."""
-    behind = [one.cost for one in causes if finding.element in named(one)]
-    return replace(finding, cost=max(0.0, finding.cost - max(behind, default=0.0)))
+    """Without what causes behind it cost the same equality; a note where hardly anything of it is left."""
+    behind = max((one for one in causes if finding.element in named(one)), key=lambda one: one.cost, default=None)
+    if behind is None:
+        return finding
+    less = replace(finding, cost=max(0.0, finding.cost - behind.cost))
+    if finding.code == "S1" or behind.code not in HIDES or less.cost > REST * finding.cost:
+        return less
+    return replace(less, severity="note", line=f"{finding.line}; {behind.code} is behind it")
 
 
 def cost(exam: Examination, finding: Finding) -> float:

@@ -11,6 +11,7 @@ from oarlock.base.text import called, quoted
 from oarlock.diagnosis.examination import starved
 from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.runs.drifts import VISIBLE
+from oarlock.diagnosis.runs.overdriven import Overdriven
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.verdict.blame import behind, held, in_words
 from oarlock.diagnosis.verdict.causes import CAUSE
@@ -130,13 +131,28 @@ def overdriven(exam: Examination) -> Iterator[Finding]:
         freedom = "the one degree of freedom" if one.dof == 1 else f"the {one.dof} degrees of freedom"
         how = "stays open" if one.lasts else "opens"
         kept = "any one" if one.dof == 1 else f"any {one.dof}"
+        when = "" if one.lasts else f" at t = {one.time_s:.4g} s"
         said = (
-            f"{how} by {given}, and by at most {without} with {kept} of its {len(one.servos)} servos alone: "
+            f"{how} by {given}{when}, and by at most {without} with {kept} of its {len(one.servos)} servos alone: "
             f"{in_words(list(one.servos))} are told {few(list(one.told), last='and')}, more than {freedom} of the loop "
-            "can follow"
+            f"can follow{_kept(one)}"
         )
         figures = {"drift": one.drift, "drift_without": one.drift_without, "unit": one.unit, "dof": one.dof}
+        figures |= {"time_s": one.time_s, "keep": list(one.kept.servos) if one.kept else None}
         yield found("A5", exam.file, said, element=one.equality, also=list(one.others), **figures)
+
+
+def _kept(one: Overdriven) -> str:
+    """What becomes of the one that leads once the others let go, or ask for the same."""
+    kept = one.kept
+    if kept is None:
+        return ""
+    same = few([f"{quoted(name)} {control:.3g}" for name, control in kept.controls], last="and")
+    return (
+        f"; {quoted(kept.joint)} comes to {kept.before + 0.0:.3g} of {kept.told:.3g} {kept.unit}, and with "
+        f"{in_words(list(kept.servos))} alone to {kept.after + 0.0:.3g}: remove {in_words(list(kept.others))}, or tell "
+        f"{same}"
+    )
 
 
 def lasting(exam: Examination) -> Iterator[Finding]:

@@ -14,8 +14,8 @@ from oarlock.diagnosis.loops.gaps import gaps
 from oarlock.diagnosis.runs.obstacles import Obstacle
 from oarlock.diagnosis.runs.stuck import Late, Stuck
 from oarlock.diagnosis.runs.undriven import Spring, Undriven
-from oarlock.diagnosis.verdict.blame import beyond_repair, in_words
-from oarlock.diagnosis.verdict.cost import metres
+from oarlock.diagnosis.verdict.blame import beyond_repair, in_words, position
+from oarlock.diagnosis.verdict.cost import TORN, metres
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found
 from oarlock.mechanics.load import takes_degrees
 from oarlock.mechanics.names import element_name
@@ -258,7 +258,15 @@ def undriven(exam: Examination) -> Iterator[Finding]:
             "springs": [asdict(spring) for spring in one.springs],
             "couplings": [coupling.written for coupling in one.couplings],
         }
-        yield found("A8", exam.file, said, element=one.equality, **figures)
+        # How what is torn moves is no linkage's motion.
+        torn = max((_opened(exam, name) for name in names), default=0.0) > TORN * exam.size
+        yield found("A8", exam.file, said, element=one.equality, severity="note" if torn else None, **figures)
+
+
+def _opened(exam: Examination, name: str) -> float:
+    """What an equality opens by at most, m, of an angle times the size of the loops."""
+    own = position(exam, name)
+    return 0.0 if own is None else metres(exam, own.metres, own.radians)
 
 
 def _loose(one: Undriven) -> str:

@@ -24,7 +24,7 @@ from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.verdict import blame, blown, motions, ranks, references, unmoved
 from oarlock.diagnosis.verdict.blame import in_words, merged
-from oarlock.diagnosis.verdict.cost import named, priced
+from oarlock.diagnosis.verdict.cost import named, priced, withheld
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
 from oarlock.diagnosis.verdict.short import short_along
 from oarlock.mechanics import newton
@@ -86,7 +86,9 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
     findings = [finding for part in parts for finding in merged(_unsaid(examination, part(examination)))]
     if fail_above is not None:
         findings += blame.above(examination, fail_above)
-    return worst_first(priced(examination, findings))
+    ordered = worst_first(priced(examination, findings))
+    examination.withheld = withheld(ordered)
+    return [one for one in ordered if one.code != "T1" or not examination.withheld]
 
 
 # What is seen without a run.
@@ -274,25 +276,37 @@ def _start(exam: Examination) -> Iterator[Finding]:
 
 
 def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
-    more = []
-    if pose.moved_joint:
+    held = list(_as_it_starts(exam))
+    more = [said for said, _ in held]
+    if pose.moved_joint and not held:
         more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g} {pose.moved_unit}")
     if pose.outside:
         more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
-    one = opened.of(pose.openings, pose.speeds, [*more, *_as_it_starts(exam), *references.closing(exam)])
-    figures = {**one.figures, "moved": pose.moved}
+    one = opened.of(pose.openings, pose.speeds, [*more, *references.closing(exam)])
+    figures = {**one.figures, "moved": pose.moved} | {"relpose": relpose for _, relpose in held[:1]}
     severity = "note" if one.element in _offsets(exam) else one.severity
     return found("S1", exam.file, one.line, element=one.element, severity=severity, **figures)
 
 
-def _as_it_starts(exam: Examination) -> Iterator[str]:
-    """The relpose of the weld that stands open most, if it holds that of the model's own pose."""
+def _as_it_starts(exam: Examination) -> Iterator[tuple[str, str]]:
+    """What is said of the welds that hold the pose of the model's own, with the relpose that holds that of the start.
+
+    Nothing, where it is another equality that stands open most.
+    """
     assert exam.pose is not None
     worst = max(exam.pose.openings, key=lambda one: one.largest)
-    for one in exam.remarks.get("defined", []):
-        own = f"keyframe {quoted(one.figures['keyframe'])}" == exam.begins
-        if own and one.element == worst.equality and "wanted" in one.figures:
-            yield f'relpose="{one.figures["wanted"]}" holds it as it starts'
+    own = [
+        one
+        for one in exam.remarks.get("defined", [])
+        if f"keyframe {quoted(one.figures['keyframe'])}" == exam.begins and "wanted" in one.figures
+    ]
+    own.sort(key=lambda one: one.element != worst.equality)
+    if not own or own[0].element != worst.equality:
+        return
+    for one in own:
+        wanted, whose = one.figures["wanted"], "it" if one is own[0] else quoted(one.element)
+        why = "without a relpose it holds that of the model's own pose: " if one is own[0] else ""
+        yield f'{why}relpose="{wanted}" holds {whose} as it starts', wanted
 
 
 def _offsets(exam: Examination) -> set[str]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from oarlock.base.errors import few
-from oarlock.base.numbers import figure, percent
+from oarlock.base.numbers import NOTHING, figure, percent
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examination import starved
 from oarlock.diagnosis.examined import Examination
@@ -13,7 +13,7 @@ from oarlock.diagnosis.page.document import accelerations_table
 from oarlock.diagnosis.runs.row_law import Share
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.runs.versions import OLDER, without_curvature
-from oarlock.diagnosis.verdict.blame import amount
+from oarlock.diagnosis.verdict.blame import amount, beyond_repair, measured_shares
 from oarlock.diagnosis.verdict.causes import CAUSE
 
 ROUNDING = 1e-9
@@ -29,10 +29,18 @@ def causes(exam: Examination) -> Chapter:
         chapter.say(why_not(exam, "causes"))
         return chapter
     worst, shares = exam.attribution.worst, exam.attribution.shares
+    lost = beyond_repair(exam)
+    why = ""
+    if worst.name not in lost:
+        most = max(CAUSE, key=measured_shares(exam, worst).__getitem__)
+        by = "by the row law" if most == worst.leading else "by a run without its other causes"
+        why = f", {by} mostly for {CAUSE[most].phrase}"
     chapter.say(
         f"{quoted(worst.name)} opens by {amount(exam, worst)} at t = {worst.time_s:.6g} s; its row '{worst.label}' is "
-        f"off by {_amount(exam, worst)}, by the row law mostly for {CAUSE[worst.leading].phrase}."
+        f"off by {_amount(exam, worst)}{why}."
     )
+    if any(share.name in lost for share in shares):
+        chapter.say("Of what cannot close, or comes apart, no parts are told: none of them is what keeps it open.")
     starving = sorted(starved(exam))
     if starving:
         chapter.say(
@@ -58,7 +66,10 @@ def causes(exam: Examination) -> Chapter:
                 _amount(exam, share),
                 f"{share.time_s:.6g}",
                 CAUSE[share.leading].title,
-                *(f"{figure(share.parts[cause])} ({percent(share.shares[cause])})" for cause in CAUSE),
+                *(
+                    f"{figure(share.parts[cause])}{'' if told == NOTHING else f' ({told})'}"
+                    for cause, told in zip(CAUSE, _told(exam, share), strict=True)
+                ),
             )
             for share in shares
         ],
@@ -106,6 +117,14 @@ def _older(exam: Examination, chapter: Chapter) -> None:
         )
 
 
+def _told(exam: Examination, share: Share) -> tuple[str, ...]:
+    """The parts of an equality, as its finding has them; dashes of one that no cause keeps open."""
+    if share.name in beyond_repair(exam):
+        return (NOTHING,) * len(CAUSE)
+    every = measured_shares(exam, share)
+    return tuple(percent(every[cause]) for cause in CAUSE)
+
+
 def _short(exam: Examination, shares: list[Share]) -> Table:
     """An equality in a row: its worst row by cause, and its work over the run."""
     rows = [
@@ -113,7 +132,7 @@ def _short(exam: Examination, shares: list[Share]) -> Table:
             share.name,
             _amount(exam, share),
             f"{share.time_s:.6g}",
-            *(percent(share.shares[cause]) for cause in CAUSE),
+            *_told(exam, share),
             figure(share.work),
         )
         for share in shares

@@ -18,6 +18,31 @@ def remedy(exam: Examination) -> Chapter:
         chapter.say(why_not(exam, "remedy"))
         _settings(exam, chapter)
         return chapter
+    if exam.withheld:
+        chapter.say(
+            f"Settings were tried, and none is offered: beside {exam.withheld} stiffer equalities would hide what is "
+            "wrong, and not mend it. Mend that, and check again."
+        )
+    else:
+        _offered(chapter, exam, recipe)
+    chapter.explain(
+        "Every run that was made. Drift: the largest gap of any equality. Cost: evaluations of the model relative to "
+        "the run as authored, one a step and four under Runge–Kutta."
+    )
+    settings = ("timestep (s)", "integrator", "solref", "solimp")
+    chapter.table(
+        "trials",
+        ("run", "start", *settings, "drift", "expected", "equality", "energy error (J)", "cost"),
+        [_trial(trial, chosen=trial == recipe.chosen) for trial in recipe.trials],
+        words=3,
+        short=("run", "start", "equality", "timestep (s)", "drift", "energy error (J)", "cost"),
+    )
+    _settings(exam, chapter)
+    return chapter
+
+
+def _offered(chapter: Chapter, exam: Examination, recipe: Recipe) -> None:
+    """What became of the search, and the settings to paste."""
     chapter.say(_outcome(exam, recipe))
     if recipe.verified:
         finite = [trial for trial in recipe.verified if np.isfinite(trial.drift)]
@@ -36,20 +61,6 @@ def remedy(exam: Examination) -> Chapter:
             f"{figure(recipe.conserving.cost)} times the cost:"
         )
         chapter.code(recipe.conserving.setting.mjcf)
-    chapter.explain(
-        "Every run that was made. Drift: the largest gap of any equality. Cost: evaluations of the model relative to "
-        "the run as authored, one a step and four under Runge–Kutta."
-    )
-    settings = ("timestep (s)", "integrator", "solref", "solimp")
-    chapter.table(
-        "trials",
-        ("run", "start", *settings, "drift", "expected", "equality", "energy error (J)", "cost"),
-        [_trial(trial, chosen=trial == recipe.chosen) for trial in recipe.trials],
-        words=3,
-        short=("run", "start", "equality", "timestep (s)", "drift", "energy error (J)", "cost"),
-    )
-    _settings(exam, chapter)
-    return chapter
 
 
 def _outcome(exam: Examination, recipe: Recipe) -> str:
