@@ -106,7 +106,7 @@ def find_behind(recording: Recording, worst: Drift, loops: Loops) -> Behind | No
     best = replace(best, weight=weight, lasting=lasting)
     if best.suspect is not None and best.suspect.scaled is not None:
         best = replace(best, factor=_factor(recording, best, place, given))
-    if best.suspect is not None and best.suspect.sort == "damper" and best.suspect.index < 0:
+    if best.suspect is not None and best.suspect.sort == "damper" and best.suspect.on_joint:
         best = replace(best, armature=_armature(recording, best, place, given))
     return best
 

@@ -60,6 +60,7 @@ class Suspect:
         parts: steps of the run without it for one of the run.
         index: of an actuator; -1 of others.
         tried: what takes its place in the run without it, in words.
+        on_joint: whether ``name`` is a joint's.
     """
 
     sort: Sort
@@ -70,6 +71,7 @@ class Suspect:
     tried: str = "without it"
     parts: int = 1
     index: int = -1
+    on_joint: bool = False
 
 
 def model_without(recording: Recording, one: Suspect) -> mujoco.MjModel:
@@ -237,9 +239,8 @@ def _dampers(model: mujoco.MjModel, joints: list[int]) -> Iterator[Suspect]:
             every.append((float(damping[first, 0] * model.dof_invweight0[first]), joint))
     for _, joint in sorted(every, reverse=True):
         name, value = element_name(model, _JOINT, joint), float(damping[int(model.jnt_dofadr[joint]), 0])
-        yield Suspect(
-            "damper", name, f"the damping of joint {quoted(name)} ({value:g})", _undamped(joint), _damped(joint)
-        )
+        said = f"the damping of joint {quoted(name)} ({value:g})"
+        yield Suspect("damper", name, said, _undamped(joint), _damped(joint), on_joint=True)
     on = {int(model.dof_jntid[dof]) for dof in range(model.nv)} & set(joints)
     for index in range(model.nu):
         kv = -float(model.actuator_biasprm[index, _RATE])

@@ -36,7 +36,7 @@ _CAUSES = (
 )
 """What opens a loop whatever gives way; its part is measured, or it is all there is."""
 
-HIDES = ("A2", "A5", "C3", "C4", "C5", "L9", "L10", "L13", "L15", "S2", "S3", "S5", "S7")
+HIDES = ("A2", "A5", "C3", "C4", "C5", "L9", "L10", "L13", "L15", "S2", "S5", "S7")
 """What stiffer equalities would hide, or fight, and not mend."""
 
 REST = 0.1

@@ -28,7 +28,7 @@ def short_along(exam: Examination, culprit: Culprits) -> Iterator[str]:
     """Of a connect or weld that cannot be closed alone: the direction of its gap, and the site that closes it."""
     pose, model = exam.pose, exam.model
     own = [one for one in equalities(model) if one.name == culprit.equalities[0]]
-    if pose is None or not own or not own[0].kind.joins_points or not culprit.openings[0].metres:
+    if pose is None or not culprit.alone or not own or not own[0].kind.joins_points or not culprit.openings[0].metres:
         return
     one, assembly = own[0], Assembly(model, start_of(exam))
     assembly.place(pose.qpos)
@@ -50,7 +50,7 @@ def _direction(gap: np.ndarray) -> str:
     most = int(np.abs(gap).argmax())
     if abs(gap[most]) >= ALONG * size:
         return f"{figure(abs(float(gap[most])), 'm')} along {_AXES[most]} of the world"
-    named = [f"{axis} {figure(float(value), 'm')}" for axis, value in zip(_AXES, gap, strict=True)]
+    named = [f"{axis} {figure(float(value), 'm')}" for axis, value in zip(_AXES, gap, strict=True) if value]
     return f"({', '.join(named)})"
 
 

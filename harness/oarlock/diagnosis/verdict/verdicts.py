@@ -14,19 +14,16 @@ from oarlock.base.numbers import figure, percent
 from oarlock.base.text import called, quoted
 from oarlock.cases.integrators import INTEGRATORS
 from oarlock.diagnosis.examined import Examination
-from oarlock.diagnosis.lint import locked, opened
 from oarlock.diagnosis.lint.servo import UNSTABLE
 from oarlock.diagnosis.loops.loops import Dependency, Group
-from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.parted import Parted
 from oarlock.diagnosis.runs.pushes import Push
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.stability import EqualityStability
-from oarlock.diagnosis.verdict import blame, blown, motions, ranks, references, unmoved
+from oarlock.diagnosis.verdict import blame, blown, motions, ranks, start, unmoved
 from oarlock.diagnosis.verdict.blame import in_words, merged
 from oarlock.diagnosis.verdict.cost import named, priced, withheld
 from oarlock.diagnosis.verdict.findings import Finding, Severity, found, worst_first
-from oarlock.diagnosis.verdict.short import short_along
 from oarlock.mechanics import newton
 from oarlock.mechanics.inequalities import may_act
 from oarlock.mechanics.load import collected_warnings, takes_degrees
@@ -38,7 +35,7 @@ _PAIRS = 3
 _TURN = 2.0 * np.pi
 """rad. Ranges of hinges that are written in radians are shorter."""
 
-_JOINT, _EQUALITY = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_EQUALITY
+_EQUALITY = mujoco.mjtObj.mjOBJ_EQUALITY
 
 _OFF = {
     '<flag equality="disable"/>': int(mujoco.mjtDisableBit.mjDSBL_EQUALITY),
@@ -61,7 +58,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         _lint,
         motions.dead_point,
         motions.branch,
-        _start,
+        start.start,
         motions.lasting,
         _settings,
         _run,
@@ -93,7 +90,14 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
 
 # What is seen without a run.
 
-_SAID = {"L9": ("S3",), "L10": ("S3",), "L12": ("L3",), "A2": ("S4", "C5", "S2"), "S7": ("S3", "S4"), "S5": ("S1", "S6")}
+_SAID = {
+    "L9": ("S3",),
+    "L10": ("S3",),
+    "L12": ("L3",),
+    "A2": ("S4", "C5", "S2"),
+    "S7": ("S3", "S4"),
+    "S5": ("S1", "S6"),
+}
 """Code of a remark → those of findings which say the same of its equality, only less of it, or what comes of it."""
 
 
@@ -246,74 +250,6 @@ def _dependent(exam: Examination, group: Group, removable: set[str]) -> Iterator
         yield found("L7", exam.file, said, element=names[0], also=names[1:], rows=len(ones))
 
 
-# The start.
-
-
-def _start(exam: Examination) -> Iterator[Finding]:
-    pose, file = exam.pose, exam.file
-    if pose is None:
-        return
-    tilts = [f"the axis of {quoted(one.joint)} is tilted by {one.radians:.3g} rad" for one in pose.tilts]
-    if not pose.closed:
-        for culprit in pose.culprits:
-            said = "; ".join([culprit.of_first(), *short_along(exam, culprit), *references.reachable(exam, culprit), *tilts])
-            if any(one.equality in culprit.equalities for one in exam.targets):
-                continue  # S8
-            yield found("S2", file, said, element=culprit.equalities[0], gap=max(o.largest for o in culprit.openings))
-        if not pose.culprits:
-            worst = max(pose.left, key=lambda one: one.largest)
-            said = "; ".join([f"stays open by {worst}", *tilts])
-            yield found("S2", file, said, element=worst.equality, gap=worst.largest)
-        return
-    for one in pose.mobility:
-        if one.locked:
-            severity = blame.lock(exam, one)
-            said = locked.sentence(pose.tilts, one.equalities, one.frees, one.slide if severity == "warning" else "")
-            figures = {"also": list(one.equalities[1:]), "dof": one.dof, "kept": one.kept}
-            yield found("S3", file, said, element=one.equalities[0], severity=severity, **figures)
-    if not pose.consistent:
-        yield _inconsistent(exam, pose)
-
-
-def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
-    held = list(_as_it_starts(exam))
-    more = [said for said, _ in held]
-    if pose.moved_joint and not held:
-        more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g} {pose.moved_unit}")
-    if pose.outside:
-        more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
-    one = opened.of(pose.openings, pose.speeds, [*more, *references.closing(exam)])
-    figures = {**one.figures, "moved": pose.moved} | {"relpose": relpose for _, relpose in held[:1]}
-    severity = "note" if one.element in _offsets(exam) else one.severity
-    return found("S1", exam.file, one.line, element=one.element, severity=severity, **figures)
-
-
-def _as_it_starts(exam: Examination) -> Iterator[tuple[str, str]]:
-    """What is said of the welds that hold the pose of the model's own, with the relpose that holds that of the start.
-
-    Nothing, where it is another equality that stands open most.
-    """
-    assert exam.pose is not None
-    worst = max(exam.pose.openings, key=lambda one: one.largest)
-    own = [
-        one
-        for one in exam.remarks.get("defined", [])
-        if f"keyframe {quoted(one.figures['keyframe'])}" == exam.begins and "wanted" in one.figures
-    ]
-    own.sort(key=lambda one: one.element != worst.equality)
-    if not own or own[0].element != worst.equality:
-        return
-    for one in own:
-        wanted, whose = one.figures["wanted"], "it" if one is own[0] else quoted(one.element)
-        why = "without a relpose it holds that of the model's own pose: " if one is own[0] else ""
-        yield f'{why}relpose="{wanted}" holds {whose} as it starts', wanted
-
-
-def _offsets(exam: Examination) -> set[str]:
-    """Couplings whose offset is what opens the start, so that it is the coupling that has to be mended (S4)."""
-    return {one.equality for one in exam.lasting if one.attribute == "polycoef"}
-
-
 # The settings and the run.
 
 
@@ -400,7 +336,7 @@ def _fights(exam: Examination) -> Iterator[Finding]:
         figures = {"given": lag.given, "without": lag.without, "unit": lag.unit}
         yield found("C2", exam.file, said, element=lag.equality, **figures)
     # With such an offset the closed start is another one; and of ranges that do not meet more is said already.
-    if exam.stops is not None and not _offsets(exam) and not exam.remarks.get("ranges"):
+    if exam.stops is not None and not start.offsets(exam) and not exam.remarks.get("ranges"):
         whole = "the one degree of freedom" if exam.stops.dof == 1 else f"all {exam.stops.dof} degrees of freedom"
         said = f"{few(list(exam.stops.limits))} take{'s' if len(exam.stops.limits) == 1 else ''} {whole} left"
         yield found("C3", exam.file, said, dof=exam.stops.dof)
