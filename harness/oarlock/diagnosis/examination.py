@@ -28,6 +28,7 @@ from oarlock.diagnosis.runs.exact import record_exact
 from oarlock.diagnosis.runs.fights import find_fight
 from oarlock.diagnosis.runs.lag import find_lags
 from oarlock.diagnosis.runs.lasting import find_lasting
+from oarlock.diagnosis.runs.leverless import find_leverless
 from oarlock.diagnosis.runs.overdriven import find_overdriven
 from oarlock.diagnosis.runs.pace import find_pace
 from oarlock.diagnosis.runs.parted import find_parted
@@ -168,6 +169,7 @@ def _run(found: Examination) -> None:
             found.stuck = find_stuck(found.recording, loops, found.size, partial(takes_degrees, found.path))
             with _Reason(found, "missed"):
                 symptoms.missed(found)
+            found.leverless = find_leverless(found.recording, loops, found.pose.mobility, found.size)
             with _Reason(found, "slips"):
                 found.slips = find_slips(found.recording, loops)
             dead = find_dead_point(found.recording, found.exact, loops, found.size, symptoms.start_of(found))
@@ -323,6 +325,8 @@ def _branch(found: Examination) -> None:
         found.branch = find_branch(found.recording, *others)
         if found.branch is not None and (again := symptoms.as_recommended(found)) is not None:
             found.branch = replace(found.branch, kept=find_branch(again, *others) is None)
+        if found.branch is not None:
+            symptoms.crossing(found)
 
 
 def _motion(found: Examination) -> tuple[np.ndarray, np.ndarray]:

@@ -23,6 +23,7 @@ from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.fights import Fight
 from oarlock.diagnosis.runs.lag import Lag
 from oarlock.diagnosis.runs.lasting import Lasting
+from oarlock.diagnosis.runs.leverless import Leverless
 from oarlock.diagnosis.runs.missed import Clipped, Missed
 from oarlock.diagnosis.runs.overdriven import Overdriven
 from oarlock.diagnosis.runs.pace import Pace
@@ -83,6 +84,7 @@ class Examination:
         stuck: servos that something holds short of where they are told to be.
         missed: servos that do not come to where they are told; clipped: controls beyond their range.
         undriven: loops with more freedom than drives.
+        leverless: actuators without a lever at the start.
         slips: objects that a gripper lets go.
         targets: mocap bodies that what is joined to them cannot follow.
         fight: limits and contacts that push against loops alone in the exact run.
@@ -135,6 +137,7 @@ class Examination:
     missed: tuple[Missed, ...] = ()
     clipped: tuple[Clipped, ...] = ()
     undriven: tuple[Undriven, ...] = ()
+    leverless: tuple[Leverless, ...] = ()
     slips: tuple[Slip, ...] = ()
     targets: tuple[Target, ...] = ()
     parted: tuple[Parted, ...] = ()

@@ -11,6 +11,8 @@ from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.lint.locked import how_bad
 from oarlock.diagnosis.lint.view import View
 from oarlock.diagnosis.runs.behind import find_behind, find_calmer
+from oarlock.diagnosis.runs.branch import alike, find_branch
+from oarlock.diagnosis.runs.branch import crossing as crossing_of
 from oarlock.diagnosis.runs.deadpoint import TORN
 from oarlock.diagnosis.runs.drifts import VISIBLE
 from oarlock.diagnosis.runs.missed import find_clipped, find_missed
@@ -57,6 +59,28 @@ def coupled(found: Examination, couplings: Sequence[Coupling]) -> mujoco.MjModel
         return None
     as_asked(model, found.model)
     return model
+
+
+def crossing(found: Examination) -> None:
+    """Of a run that left its branch where branches cross: when, and a coupling with which it does not."""
+    branch, recording, exact, pose = found.branch, found.recording, found.exact, found.pose
+    assert branch is not None
+    assert recording is not None
+    assert exact is not None
+    assert pose is not None
+    line_s = crossing_of(branch, found.history, found.duration_s)
+    if line_s is None:
+        return
+    found.branch = replace(branch, line_s=line_s)
+    coupling = alike(recording, exact, pose.loops, branch.equalities)
+    model = coupled(found, [coupling]) if coupling is not None else None
+    if model is None:
+        return
+    again = record(model, found.qpos, found.qvel, found.laws, found.steps, act=found.act)
+    others = exact, pose.loops, {*branch.equalities}, found.size, start_of(found)
+    own = replace(recording, qpos=again.qpos)
+    if again.end.how == "finished" and find_branch(own, *others) is None:
+        found.branch = replace(found.branch, coupling=coupling)
 
 
 def all_parted(found: Examination) -> tuple[Parted, ...]:

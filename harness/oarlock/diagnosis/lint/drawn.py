@@ -4,7 +4,7 @@ MuJoCo is told the anchor in the first body's frame, and takes the second body's
 a gap that is drawn there is kept for good, as a lever that nobody sees. An anchor in the air alone is no mistake (a
 body without geoms, a disc that stands for a platform). With a link beside it that is drawn to an end at which nothing
 is held it is: the link was meant to be held there. Unless the end lies on the line of the pin: along the axis of a
-hinge an anchor may stand anywhere, and two connects of the same bodies are the two ends of a pin.
+hinge an anchor may stand anywhere, beside its link too, and two connects of the same bodies are the ends of a pin.
 
 An anchor that was written in another frame, the world's or the second body's, says where it was meant: read so, it is a
 place at which both bodies are.
@@ -30,6 +30,9 @@ MEETS = 0.01
 
 LONG = 3.0
 """Times its other two: a box or ellipsoid that is so long is a link with two ends."""
+
+PLACES = 81
+"""Of a pin, at which it is looked for what is drawn."""
 
 ROUNDED = 5e-7
 """m: less is written as 0."""
@@ -83,11 +86,14 @@ def look(view: View) -> Iterator[Remark]:
             if body == 0 or not len(geoms) or not np.isin(model.geom_type[geoms], _DRAWN).all():
                 continue
             drawing = _drawing(view, data, one, body, geoms)
-            away = min(_distance(model, data, geom, places[end]) for geom in geoms)
+            along = _pins(view, data, one, end)
+            away = min(
+                _distance(model, data, geom, place) for geom in geoms for place in _line(places[end], along, view.size)
+            )
             loose = drawing.loose_end(places[end])
             if loose is None or away <= max(AIR * drawing.length, drawing.thickness):
                 continue
-            if _on_pin(view, data, one, end, loose, drawing.thickness):
+            if any(np.linalg.norm(np.cross(each, loose - places[end])) <= drawing.thickness for each in along):
                 continue
             yield _remark(view, data, one, end, loose, float(np.linalg.norm(loose - places[end])))
             break
@@ -137,8 +143,8 @@ def _away(view: View, data: mujoco.MjData, body: int, place: np.ndarray) -> floa
     return min([*found, *(_distance(model, data, int(geom), place) for geom in geoms)])
 
 
-def _on_pin(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.ndarray, thickness: float) -> bool:
-    """Whether an end (3) lies within a thickness of the line of a pin through the anchor."""
+def _pins(view: View, data: mujoco.MjData, one: Equality, end: int) -> list[np.ndarray]:
+    """The directions (3) of the pins that an anchor may be on: of hinges of the two bodies, and of pairs of connects."""
     model = view.model
     place = anchors(model, data, one)[end]
     welded = model.body_weldid[list(one.bodies)]
@@ -148,11 +154,13 @@ def _on_pin(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.
         for other in view.equalities
         if other is not one and other.kind.joins_points and sorted(other.bodies) == sorted(one.bodies)
     ]
-    for along in [*data.xaxis[hinges], *twins]:
-        length = float(np.linalg.norm(along))
-        if length > 0.0 and np.linalg.norm(np.cross(along, loose - place)) <= thickness * length:
-            return True
-    return False
+    every = [(along, float(np.linalg.norm(along))) for along in [*data.xaxis[hinges], *twins]]
+    return [along / length for along, length in every if length > 0.0]
+
+
+def _line(place: np.ndarray, along: list[np.ndarray], size: float) -> list[np.ndarray]:
+    """Points (3) of a pin: beside the link that it goes through an anchor may stand anywhere along it."""
+    return [place, *(place + at * each for each in along for at in np.linspace(-size, size, PLACES))]
 
 
 def _remark(view: View, data: mujoco.MjData, one: Equality, end: int, loose: np.ndarray, gap: float) -> Remark:

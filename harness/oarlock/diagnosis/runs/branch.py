@@ -15,9 +15,11 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.curves import ARC, Linkage
+from oarlock.diagnosis.loops.events import RankHistory
 from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.runs.exact import ExactRun
 from oarlock.diagnosis.runs.recording import Recording
+from oarlock.diagnosis.runs.undriven import Coupling
 from oarlock.mechanics.names import element_name
 from oarlock.poses.assembly import Assembly
 
@@ -37,6 +39,10 @@ ALIKE = 0.05
 """Of the run: MuJoCo's and the exact motion pass the same singular pose within so much time."""
 
 
+CONSTANT = 1e-6
+"""Of the way of a joint: two that stay together to that turn one to one."""
+
+
 @dataclass(frozen=True)
 class Branch:
     """Another branch that MuJoCo's run ends on.
@@ -47,6 +53,8 @@ class Branch:
         apart: by how much its coordinates are apart there; unit: rad (modulo whole turns) or m.
         since_s: when MuJoCo left the exact motion's branch.
         kept: whether the settings of the recipe keep it on that branch: then it is what opens the loop that leads away.
+        line_s: when the exact motion passes a singular pose about there, where both branches cross; None: it does not.
+        coupling: of two joints that is so all along the exact motion, with which the run stays on it.
     """
 
     equalities: tuple[str, ...]
@@ -55,6 +63,8 @@ class Branch:
     unit: str
     since_s: float
     kept: bool = False
+    line_s: float | None = None
+    coupling: Coupling | None = None
 
 
 def find_branch(
@@ -89,6 +99,41 @@ def find_branch(
         unit = linkage.unit_of(joint)
         name = element_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint)
         return Branch(group.equalities, name, float(each.max()) * (size if unit == "m" else 1.0), unit, since)
+    return None
+
+
+def crossing(branch: Branch, history: RankHistory | None, end_s: float) -> float | None:
+    """When the motion passes the singular pose at which a run left its branch, if it does."""
+    events = history.events if history is not None else ()
+    near = [
+        event.time_s
+        for event in events
+        if event.kind == "singular"
+        and not {*event.equalities}.isdisjoint(branch.equalities)
+        and abs(event.time_s - branch.since_s) <= ALIKE * end_s
+    ]
+    return min(near, key=lambda time: abs(time - branch.since_s), default=None)
+
+
+def alike(recording: Recording, exact: ExactRun, loops: Loops, equalities: tuple[str, ...]) -> Coupling | None:
+    """The coupling of two joints of a group that turn one to one all along the exact motion; None where none do."""
+    model = recording.model
+    number = next(at for at, group in enumerate(loops.groups) if group.equalities == equalities)
+    one = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    joints = [int(model.dof_jntid[dof]) for dof in loops.dofs(number)]
+    joints = [joint for joint in joints if model.jnt_type[joint] in one]
+    driven = [joint for joint in joints if np.isin(joint, model.actuator_trnid[:, 0])]
+    grounded = [joint for joint in joints if model.body_weldid[model.body_parentid[model.jnt_bodyid[joint]]] == 0]
+    for first, second in ((a, b) for b in driven or joints for a in grounded if a != b):
+        if model.jnt_type[first] != model.jnt_type[second]:
+            continue
+        here, there = (exact.qpos[:, model.jnt_qposadr[joint]] for joint in (first, second))
+        for ratio in (1.0, -1.0):
+            if np.ptp(here) > APART and float(np.ptp(here - ratio * there)) <= CONSTANT * float(np.ptp(here)):
+                zeros = [float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (first, second)]
+                offset = float(here[0] - zeros[0] - ratio * (there[0] - zeros[1]))
+                names = [element_name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) for joint in (first, second)]
+                return Coupling(names[0], names[1], 0.0 if abs(offset) < CONSTANT else offset, ratio)
     return None
 
 

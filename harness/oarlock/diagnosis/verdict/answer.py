@@ -33,6 +33,7 @@ BEYOND = (
     "A8",
     "A9",
     "A10",
+    "A11",
     "C3",
     "C4",
     "C5",
@@ -52,7 +53,7 @@ BEYOND = (
 )
 """What no settings mend: something else in the file has to be another one."""
 
-UNMOVED = ("A2", "A3", "A6", "A7", "A8", "A9", "A10", "C6", "L6", "L13", "L15", "S5")
+UNMOVED = ("A2", "A3", "A6", "A7", "A8", "A9", "A10", "A11", "C6", "L6", "L13", "L15", "S5")
 """What is wrong however well the loops hold: the mechanism does not do what it is told, or drawn, to do."""
 
 WEIGHT = 0.5

@@ -187,6 +187,7 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "A8": _loose,
     "A9": _figure("short"),
     "A10": _figure("short"),
+    "A11": _figure("way"),
     "C4": _collision,
     "C5": _collision,
     "C6": _figure("way"),

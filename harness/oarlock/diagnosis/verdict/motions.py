@@ -62,15 +62,22 @@ def branch(exam: Examination) -> Iterator[Finding]:
         return  # what falls where nothing drives it comes to many a branch (A8)
     if one is None or recording is None or recording.end.how == "diverged" or starved(exam):
         return  # the motion of a run that blows up, or of forces that nobody solved for, is on no branch
-    said = (
-        f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one; "
-        f"at the end of the run they are {one.apart:.3g} {one.unit} apart at {called('joint', one.joint)}"
-    )
-    if one.kept:
-        said += "; with the settings that hold the loop (T1) it stays on that of the exact motion"
+    said = f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one"
+    if one.line_s is not None:
+        said = (
+            f"at t = {one.line_s:.4g} s its links come into line, where two branches cross and nothing but what pushes "
+            f"there decides along which of them the loop goes on; {said}"
+        )
+        by = "a second link, not in line with the first there, or a range that ends before"
+        said += f"; {one.coupling.written} in <equality> keeps it on that" if one.coupling else ""
+        said += f"; elsewhere {by} is there for that"
+    else:
+        said += f"; at the end of the run they are {one.apart:.3g} {one.unit} apart at {called('joint', one.joint)}"
+        said += "; with the settings that hold the loop (T1) it stays on that of the exact motion" if one.kept else ""
     names = list(one.equalities)
     figures = {"time_s": one.since_s, "joint": one.joint, "apart": one.apart}
-    severity: Severity | None = "note" if one.kept else None
+    figures |= {"line_s": one.line_s, "coupling": one.coupling.written if one.coupling else None}
+    severity: Severity | None = "note" if one.kept and one.line_s is None else None
     yield found("U5", exam.file, said, element=names[0], severity=severity, also=names[1:], **figures)
 
 

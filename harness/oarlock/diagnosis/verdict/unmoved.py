@@ -20,6 +20,9 @@ from oarlock.diagnosis.verdict.findings import Finding, Severity, found
 from oarlock.mechanics.load import takes_degrees
 from oarlock.mechanics.names import element_name
 
+MOST_COORDINATES = 10
+"""Of a pose that is written out."""
+
 HALF = 0.5
 """Of a way: with less of it left without gravity, it is the weight that does it."""
 
@@ -238,6 +241,32 @@ def clipped(exam: Examination) -> Iterator[Finding]:
         }
         severity: Severity | None = None if one.loops else "note"
         yield found("A10", exam.file, said, element=one.actuator, severity=severity, **figures)
+
+
+def leverless(exam: Examination) -> Iterator[Finding]:
+    """A11: actuators that have no lever on their loops at the start."""
+    for one in exam.leverless:
+        unit = "m" if one.slides else "rad"
+        pushes = f"{in_words(list(one.actuators))} {'push' if one.actuators[1:] else 'pushes'}"
+        qpos = " ".join(f"{value + 0.0:.6g}" for value in one.qpos)
+        said = (
+            f"{pushes} with up to {one.force:.3g} {one.effort} and {'have' if one.actuators[1:] else 'has'} no lever on its loop at the start: the links are in "
+            f"a dead point there, and no force moves {quoted(one.joint)}; "
+        )
+        if len(one.qpos) <= MOST_COORDINATES:
+            said += f'from qpos="{qpos}", which is closed beside it, '
+        else:
+            said += "from a closed pose 5 degrees beside it "
+        said += f"it goes {one.way:.3g} {unit} in the same run; or give it a velocity, or a force on {quoted(one.joint)}"
+        figures = {
+            "also": list(one.equalities[1:]),
+            "actuators": list(one.actuators),
+            "joint": one.joint,
+            "way": one.way,
+            "unit": unit,
+            "qpos": one.qpos.tolist(),
+        }
+        yield found("A11", exam.file, said, element=one.equalities[0], **figures)
 
 
 def undriven(exam: Examination) -> Iterator[Finding]:

@@ -68,6 +68,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         unmoved.stuck,
         unmoved.targets,
         unmoved.undriven,
+        unmoved.leverless,
         unmoved.missed,
         unmoved.slips,
         unmoved.clipped,
