@@ -210,7 +210,7 @@ def _causes(found: Examination) -> None:
         if not any(one.left for one in found.without) and not _known(found):
             found.without += find_finer(found.recording, found.steps)
             with _Reason(found, "behind"):
-                found.behind = find_blower(found.recording, found.steps)
+                found.behind = find_blower(found.recording, found.steps, found.size)
     with _Reason(found, "causes"):
         attribution = attribute(found.recording)
         if attribution.holds:

@@ -36,6 +36,12 @@ CALM = 0.1
 STEPS = 30_000
 """Of all such runs together."""
 
+SMALLER = (1e-4, 1e-5, 1e-6)
+"""Parts that are tried besides of what makes a run diverge."""
+
+WHOLE = 0.05
+"""Of the size of the loops: one that opens by less holds."""
+
 ARMATURES = (2.0, 10.0, 50.0, 250.0)
 """Steps within which a damper is to take a velocity away at the least: armatures that are tried are so large."""
 
@@ -167,12 +173,13 @@ def _factor(recording: Recording, best: Behind, place: int, given: float) -> flo
     return 0.0
 
 
-def find_blower(recording: Recording, steps: int) -> Behind | None:
+def find_blower(recording: Recording, steps: int, size: float) -> Behind | None:
     """What makes a run diverge: that without which it stays finite, the drives first.
 
     Args:
         recording: MuJoCo's run as configured, which diverged.
         steps: how many it had made if it had not.
+        size: of the loops, m.
     """
     model = recording.model
     dofs = range(model.nv)
@@ -186,12 +193,21 @@ def find_blower(recording: Recording, steps: int) -> Behind | None:
             key=lambda opening: opening.largest,
         )
         factor = 0.0
-        for tried in FACTORS if one.scaled is not None else ():
+        for tried in (*FACTORS, *SMALLER) if one.scaled is not None else ():
             changed = copy.deepcopy(model)
             assert one.scaled is not None
             one.scaled(changed, tried)
-            if rerun(recording, changed, steps=steps) is not None:
-                factor = tried
+            part = rerun(recording, changed, steps=steps)
+            if part is None:
+                continue
+            rows = [part.position[:, recording.layout.of_equality(at)] for at in range(len(recording.layout.equalities))]
+            opened = [
+                opening(model, equality, own[widest(model, equality, own)])
+                for equality, own in zip(recording.layout.equalities, rows, strict=True)
+            ]
+            most = max(opened, key=lambda each: max(each.metres or 0.0, size * (each.radians or 0.0)))
+            if max(most.metres or 0.0, size * (most.radians or 0.0)) <= WHOLE * size:
+                factor, worst = tried, most
                 break
         return Behind("", one, worst, 1.0, factor)
     return None
