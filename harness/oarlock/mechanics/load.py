@@ -59,12 +59,27 @@ def load_model(path: Path, parameters: dict[str, Number] | None = None, *, close
             )
         warnings.warn(as_given(f"{path}: MuJoCo warns: {one_line(text)}"), stacklevel=2)
     if model.neq == 0 and closed:
-        raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop")
+        raise InputError(f"{path}: no <equality> element, expected at least one that closes a loop{_ropes(model)}")
     if model.nv == 0:
         raise InputError(f"{path}: no joint, expected a mechanism that can move")
     _require_sound(path, model)
     require_moderate_model(path, model)
     return model
+
+
+def _ropes(model: mujoco.MjModel) -> str:
+    """What is said of a tendon that only its limit holds: a rope, where a rod may have been meant."""
+    for tendon in np.flatnonzero(model.tendon_limited).tolist():
+        if (
+            model.wrap_type[model.tendon_adr[tendon]] != mujoco.mjtWrap.mjWRAP_JOINT
+            and model.tendon_range[tendon, 0] <= 0
+        ):
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TENDON, tendon) or f"#{tendon}"
+            return (
+                f"; the limit of tendon '{name}' holds it as a rope, which pulls and never pushes: "
+                f'<tendon tendon1="{name}"/> in <equality> holds its length both ways, as a rod does'
+            )
+    return ""
 
 
 def as_asked(model: mujoco.MjModel, like: mujoco.MjModel) -> None:

@@ -91,3 +91,41 @@ def test_weight_is_named_where_nothing_else_is(tmp_path):
     exam = checked(bars(ctrl="0", rocker='stiffness="0"'), tmp_path)
     behind = exam.examination.behind
     assert behind is None or behind.suspect is None
+
+
+FEATHER = """<mujoco><compiler angle="radian" boundmass="1e-6" boundinertia="1e-9"/><option timestep="0.002"/>
+  <default><geom contype="0" conaffinity="0"/><joint axis="1 0 0"/></default><worldbody>
+  <body name="beam" pos="0 0 0.5"><joint name="beam" damping="0.1"/>
+    <geom type="capsule" fromto="0 0 0 0 0.3 0" size="0.02" mass="1.5"/></body>
+  <body name="stay"><joint name="stay" damping="0.08"{armature}/>
+    <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia}"/></body></worldbody>
+  <equality><connect name="eye" body1="stay" body2="beam" anchor="0 0.3 0.5" solref="0.004 1"/></equality>
+  <actuator><position joint="beam" kp="200" kv="8"/></actuator><keyframe><key name="k" ctrl="0.2"/></keyframe></mujoco>"""
+
+
+def feather(armature: str = "", mass: str = "1e-6", inertia: str = "1e-9 1e-9 1e-9") -> str:
+    text = f"{FEATHER}".replace(
+        '<body name="stay">',
+        '<body name="slot"><joint type="slide" axis="0 0.3 0.5"/><geom size="0.01" mass="0.1"/><body name="stay">',
+    ).replace("</body></worldbody>", "</body></body></worldbody>")
+    return text.format(armature=armature, mass=mass, inertia=inertia)
+
+
+def test_a_damper_on_a_body_without_inertia_is_told_with_the_armature_that_makes_it_hold(tmp_path):
+    given = checked(feather(), tmp_path)
+    one = given.examination.behind
+    assert one is not None
+    assert (one.suspect.sort, one.suspect.name) == ("damper", "stay")
+    value, left = one.armature
+    assert f'armature="{value:g}" on that joint' in given.answer
+    assert "a mass of its body 'stay', which has 1e-06 kg" in given.answer
+    mended = gap(feather(f' armature="{value:g}"'))
+    assert mended < 0.15 * gap(feather())
+    assert left.largest < 0.15 * gap(feather())
+
+
+def test_a_rank_that_only_inertias_make_small_is_a_note(tmp_path):
+    (one,) = [one for one in checked(feather(), tmp_path).verdict if one.code == "L8"]
+    assert one.severity == "note"
+    assert "by its inertias alone" in one.line
+    assert "L8" not in {one.code for one in checked(feather(mass="0.2", inertia="1e-3 1e-3 1e-3"), tmp_path).verdict}

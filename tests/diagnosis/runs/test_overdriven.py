@@ -78,3 +78,46 @@ def test_servos_that_are_told_what_the_loop_cannot_have(tmp_path, told, third, d
 )
 def test_others_are_not_named(tmp_path, told, third, mass):
     assert "A5" not in {one.code for one in verdict(shafts(told, third, mass), tmp_path)}
+
+
+MIMIC = """<mujoco><option timestep="0.002"/><default><geom contype="0" conaffinity="0"/><joint damping="0.05"/></default>
+  <worldbody><body name="base"><joint name="base" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.01" mass="0.1"/>
+    <body name="tip" pos="0.1 0 0"><joint name="tip" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.01" mass="0.05"/></body></body></worldbody>
+  <equality><joint name="mimic" joint1="tip" joint2="base" polycoef="0 0.5 0 0 0"/></equality>
+  <actuator><position name="lead" joint="base" kp="20" kv="1"/>{second}</actuator>
+  <keyframe><key name="k" ctrl="{ctrl}"/></keyframe></mujoco>"""
+
+
+def reached(text: str) -> float:
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, 1000)
+    return float(data.qpos[0])
+
+
+def test_what_a_servo_too_many_keeps_the_leader_from_is_told_with_what_frees_it(tmp_path):
+    second = '<position name="follow" joint="tip" kp="20" kv="1"/>'
+    given = MIMIC.format(second=second, ctrl="0.8 0")
+    (one,) = [one for one in verdict(given, tmp_path) if one.code == "A5"]
+    assert f"'base' comes to {reached(given):.3g} of 0.8 rad" in one.line
+    alone, same = MIMIC.format(second="", ctrl="0.8"), MIMIC.format(second=second, ctrl="0.8 0.4")
+    assert "with 'lead' alone" in one.line
+    assert "remove 'follow', or tell 'follow' " in one.line
+    assert reached(given) < 0.79
+    for text in (alone, same):
+        assert abs(reached(text) - 0.8) < 0.5 * (0.8 - reached(given))
+    assert float(one.line.rsplit(" ", 1)[1]) == pytest.approx(0.4, abs=0.02)
+
+
+def test_beside_servos_too_many_no_settings_are_offered(tmp_path):
+    file = tmp_path / "m.xml"
+    file.write_text(MIMIC.format(second='<position name="follow" joint="tip" kp="20" kv="1"/>', ctrl="0.8 0"))
+    checked = oarlock.check(file)
+    codes = {one.code for one in checked.verdict}
+    assert "A5" in codes
+    assert "T1" not in codes
+    assert checked.mjcf == ""
+    assert "solref" not in checked.answer

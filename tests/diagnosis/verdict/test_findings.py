@@ -70,6 +70,7 @@ NAMES = {
     "A8": "undriven",
     "A9": "missed",
     "A10": "clipped",
+    "A11": "leverless",
     "S8": "target",
     "T6": "under-damped",
     "V1": "version",

@@ -208,10 +208,13 @@ def _of_couplings(view: View) -> Iterator[Remark]:
             said = f"begins with {offset:g} rad{ranges}; {offset:g}° are {meant:.6g} rad{closed}: degrees were meant?"
             yield Remark("A2", f"polycoef {said}", one.name, "error" if beyond else None, {"also": [], "wanted": meant})
         elif degrees(offset):
-            plain.append((one.name, offset))
+            rest = " ".join(f"{value:g}" for value in model.eq_data[one.index, 1:5])
+            plain.append((one.name, offset, f"{meant:.6g} {rest}"))
     if plain:
-        said = f"begins with {plain[0][1]:g}, in radians {abs(plain[0][1]) / TURN:.3g} turns: degrees were meant?"
-        yield _remark("polycoef", [name for name, _ in plain], said)
+        _, offset, written = plain[0]
+        said = f"begins with {offset:g}, in radians {abs(offset) / TURN:.3g} turns: degrees were meant? "
+        said += f'{offset:g}° are {math.radians(offset):.6g} rad: polycoef="{written}"'
+        yield _remark("polycoef", [name for name, *_ in plain], said)
 
 
 def _off(view: View, one: Equality, offset: float) -> float:

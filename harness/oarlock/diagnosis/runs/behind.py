@@ -200,7 +200,9 @@ def find_blower(recording: Recording, steps: int, size: float) -> Behind | None:
             part = rerun(recording, changed, steps=steps)
             if part is None:
                 continue
-            rows = [part.position[:, recording.layout.of_equality(at)] for at in range(len(recording.layout.equalities))]
+            rows = [
+                part.position[:, recording.layout.of_equality(at)] for at in range(len(recording.layout.equalities))
+            ]
             opened = [
                 opening(model, equality, own[widest(model, equality, own)])
                 for equality, own in zip(recording.layout.equalities, rows, strict=True)

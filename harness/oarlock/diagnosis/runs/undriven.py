@@ -49,11 +49,17 @@ FALLS = 0.5
 LEAVES = 0.5
 """Of the way: with a stiffness that is named less is left."""
 
+TURNS = 0.1
+"""rad: a free body that turns less by itself is not told."""
+
+HEAVY = 1e4
+"""Times its inertia: so much a free body gets that is not to turn."""
+
 _RANK = 1e-6
 """Relative: of what drives a motion less than that, nothing does."""
 
 _ONE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-_SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
+_SLIDE, _FREE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_FREE)
 _JOINT, _BODY = mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_BODY
 
 
@@ -101,6 +107,8 @@ class Undriven:
         falls: part of the way that is gone without gravity.
         springs: that keep it; left: the way of the body in a run with them, m; None: they do not, or were not tried.
         couplings: that keep it, in place of springs.
+        turning: a free body that nothing drives turns, by ``turned`` rad in all; ``unturned``: how far the body goes
+            in a run in which it does not turn, m; None: as far.
         together: joints of several groups that one actuator moves together; empty: it is about one group.
     """
 
@@ -117,14 +125,18 @@ class Undriven:
     left: float | None = None
     couplings: tuple[Coupling, ...] = ()
     together: tuple[str, ...] = ()
+    turning: str = ""
+    turned: float = 0.0
+    unturned: float | None = None
 
 
 @dataclass
 class _Ways:
-    """How far undriven motions take joints (nv) and bodies (nbody) over a run."""
+    """How far undriven motions take joints (nv) and bodies (nbody), and turn these (nbody, rad), over a run."""
 
     joints: np.ndarray
     bodies: np.ndarray
+    turns: np.ndarray
 
 
 def find_undriven(
@@ -219,8 +231,8 @@ class _Group:
         """Over a run (T, nq)."""
         model, data = self._assembly.model, self._assembly.data
         poses = poses[np.unique(np.linspace(0, len(poses) - 1, SAMPLES).astype(int))]
-        joints, bodies = np.zeros(model.nv), np.zeros(model.nbody)
-        jacobian = np.zeros((3, model.nv))
+        joints, bodies, turns = np.zeros(model.nv), np.zeros(model.nbody), np.zeros(model.nbody)
+        jacobian, rotation = np.zeros((2, 3, model.nv))
         own = sorted({body for dof in self.dofs for body in self._below(int(model.dof_bodyid[dof]))})
         for here, there in itertools.pairwise(poses):
             if not np.isfinite(there).all():
@@ -233,9 +245,10 @@ class _Group:
             free = motions.T @ (self.undriven(motions, drives) @ along)
             joints += np.abs(free)
             for body in own:
-                mujoco.mj_jacBodyCom(model, data, jacobian, None, body)
+                mujoco.mj_jacBodyCom(model, data, jacobian, rotation, body)
                 bodies[body] += float(np.linalg.norm(jacobian @ free))
-        return _Ways(joints, bodies)
+                turns[body] += float(np.linalg.norm(rotation @ free))
+        return _Ways(joints, bodies, turns)
 
     def _below(self, body: int) -> list[int]:
         """A body, and those that are rigidly joined to it."""
@@ -278,6 +291,7 @@ def _undriven(
         couplings = ()
         springs, left = _kept(recording, one, [dof for dof in free if dof not in pulled], size, body)
     kept = left is not None and left <= LEAVES * ways.bodies[body]
+    turning, unturned = (-1, None) if free else _unturned(recording, one, ways, body)
     return Undriven(
         equality=one.equalities[0],
         others=tuple(one.equalities[1:]),
@@ -291,8 +305,26 @@ def _undriven(
         springs=springs if kept else (),
         left=left if kept else None,
         couplings=couplings if kept else (),
+        turning=element_name(model, _BODY, turning) if turning >= 0 else "",
+        turned=float(ways.turns[turning]) if turning >= 0 else 0.0,
+        unturned=unturned,
         together=tuple(_name(model, dof) for dof in sorted(pulled)) if one.parts[1:] else (),
     )
+
+
+def _unturned(recording: Recording, one: _Group, ways: _Ways, body: int) -> tuple[int, float | None]:
+    """The free body of a group that turns most, and how far another goes in a run in which it hardly turns."""
+    model = copy.deepcopy(recording.model)
+    joints = {int(model.dof_jntid[dof]) for dof in one.dofs}
+    bodies = {int(model.jnt_bodyid[joint]): joint for joint in joints if model.jnt_type[joint] == _FREE}
+    turning = max(bodies, key=lambda each: float(ways.turns[each]), default=-1)
+    if turning < 0 or ways.turns[turning] <= TURNS:
+        return -1, None
+    first = int(model.jnt_dofadr[bodies[turning]]) + 3
+    model.dof_armature[first : first + 3] += HEAVY * float(model.body_inertia[turning].max())
+    again = rerun(recording, model)
+    left = None if again is None else float(one.ways(again.qpos).bodies[body])
+    return turning, left if left is not None and left <= LEAVES * ways.bodies[body] else None
 
 
 def _coupled(

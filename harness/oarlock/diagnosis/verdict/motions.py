@@ -62,7 +62,9 @@ def branch(exam: Examination) -> Iterator[Finding]:
         return  # what falls where nothing drives it comes to many a branch (A8)
     if one is None or recording is None or recording.end.how == "diverged" or starved(exam):
         return  # the motion of a run that blows up, or of forces that nobody solved for, is on no branch
-    said = f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one"
+    said = (
+        f"MuJoCo's run leaves the branch of the exact motion at t = {one.since_s:.4g} s and goes on along another one"
+    )
     if one.line_s is not None:
         said = (
             f"at t = {one.line_s:.4g} s its links come into line, where two branches cross and nothing but what pushes "

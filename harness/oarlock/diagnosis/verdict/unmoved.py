@@ -257,7 +257,9 @@ def leverless(exam: Examination) -> Iterator[Finding]:
             said += f'from qpos="{qpos}", which is closed beside it, '
         else:
             said += "from a closed pose 5 degrees beside it "
-        said += f"it goes {one.way:.3g} {unit} in the same run; or give it a velocity, or a force on {quoted(one.joint)}"
+        said += (
+            f"it goes {one.way:.3g} {unit} in the same run; or give it a velocity, or a force on {quoted(one.joint)}"
+        )
         figures = {
             "also": list(one.equalities[1:]),
             "actuators": list(one.actuators),
@@ -284,6 +286,7 @@ def undriven(exam: Examination) -> Iterator[Finding]:
             "way": one.way,
             "falls": one.falls,
             "left": one.left,
+            "turning": one.turning or None,
             "springs": [asdict(spring) for spring in one.springs],
             "couplings": [coupling.written for coupling in one.couplings],
         }
@@ -313,6 +316,8 @@ def _loose(one: Undriven) -> str:
     else:
         drives, other = "no actuator drives it", "it goes its own way"
     ways = f", {few(ways, last='and')} in all," if ways else ""
+    if one.turning:
+        ways = f", turn {quoted(one.turning)} by {one.turned:.2g} rad in all"
     take = "take" if one.driven and loose > 1 else "takes"
     return f"{whose} {freedom} and {drives}: {other}{ways} and {take} {quoted(one.body)} {one.way:.2g} m{weight}; "
 
@@ -330,6 +335,11 @@ def _kept(exam: Examination, one: Undriven) -> str:
         said = f"with {with_them} it goes {one.left:.2g} m; or {said}"
     if joints:
         return f"{said}{'one of ' if not one.springs and joints[loose:] else ''}{few(joints, last='and')}"
+    if one.turning:
+        hold = (
+            f"hold the rotation of {quoted(one.turning)}: slides in place of its freejoint, or a second rod beside each"
+        )
+        return f"{hold}; when it does not turn, that goes {one.unturned:.2g} m" if one.unturned is not None else hold
     return f"{said}what its ball and free joints leave free"
 
 
