@@ -164,3 +164,13 @@ def test_a_callback_that_stops_the_compiler_is_named():
 def test_missing_model_is_named(tmp_path):
     with pytest.raises(InputError, match=r"no model file '.*gone\.xml'"):
         load_model(tmp_path / "gone.xml")
+
+
+def test_a_rope_that_was_meant_for_a_rod_is_told_where_no_equality_is(tmp_path):
+    file = tmp_path / "rope.xml"
+    file.write_text("""<mujoco><worldbody><site name="a"/><body pos="0.1 0 0"><joint axis="0 1 0"/>
+      <geom size="0.02"/><site name="b"/></body></worldbody>
+      <tendon><spatial name="link" range="0 0.1" limited="true"><site site="a"/><site site="b"/></spatial></tendon>
+      </mujoco>""")
+    with pytest.raises(InputError, match="the limit of tendon 'link' holds it as a rope, which pulls and never pushes"):
+        load_model(file)

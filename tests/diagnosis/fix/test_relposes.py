@@ -123,3 +123,28 @@ def test_what_a_finding_names_is_written_although_another_pose_would_close_it(tm
     assert opened(model) < 1e-12
     assert "S7" in fix.mended
     assert not [one for one in fix.changes if "keyframe" in one.what]
+
+
+CARTON = """<mujoco><option timestep="0.002" gravity="0 0 0"/><default><geom contype="0" conaffinity="0"/></default>
+  <worldbody><body name="hand" pos="0 0 0"><joint name="y" type="slide" axis="0 1 0" damping="5"/>
+    <geom type="box" size="0.02 0.05 0.05" mass="1"/></body>
+  <body name="box" pos="0 0.6 0"><freejoint name="box"/><geom type="box" size="0.1 0.1 0.1" mass="2"/></body>
+  </worldbody><actuator><position name="y" joint="y" kp="100" kv="20"/></actuator>
+  <equality><weld name="grasp" body1="hand" body2="box" {relpose}/></equality>
+  <keyframe><key name="hold" qpos="0.45 0 0.6 0 1 0 0 0" ctrl="0.45"/></keyframe></mujoco>"""
+
+
+def test_a_keyframe_far_from_the_drawing_is_what_a_weld_is_to_hold(tmp_path):
+    text = CARTON.format(relpose="")
+    fix, checked, model = fixed(tmp_path, text)
+    (one,) = [one for one in checked.verdict if one.code == "S1"]
+    assert 'relpose="0 0.15 0 1 0 0 0" holds it as it starts' in checked.answer
+    assert "closed start" not in checked.answer
+    assert one.figures["relpose"] == "0 0.15 0 1 0 0 0"
+    assert "T1" not in {each.code for each in checked.verdict}  # it was tried from another start
+    told = mujoco.MjModel.from_xml_string(CARTON.format(relpose='relpose="0 0.15 0 1 0 0 0"'))
+    assert opened(mujoco.MjModel.from_xml_string(text), 0) > 0.4
+    assert opened(told, 0) < 1e-9
+    assert opened(model, 0) < 1e-9
+    assert "S1" in fix.mended
+    assert np.allclose(model.key_qpos[0], mujoco.MjModel.from_xml_string(text).key_qpos[0])

@@ -70,6 +70,46 @@ def test_an_anchor_in_the_air_and_the_end_that_was_meant():
     assert one.figures["anchors"] == [pytest.approx([0.4, 0, 0]), pytest.approx([0.15, 0, 0.4])]
 
 
+def test_an_overhang_beside_a_pin_is_no_mistake():
+    """The lever is drawn beyond the pin, in a plane beside it: the line of the pin goes through it."""
+    seen = of_text(LINKS.format(axis="0 0 1", tilt=0.0, connects=BESIDE), 0)
+    longer = LINKS.format(axis="0 0 1", tilt=0.0, connects=BESIDE).replace(
+        '<geom fromto="0 0 0 -0.1 0.2 0"/>', '<geom fromto="0 0 0.05 -0.15 0.3 0.05"/>'
+    )
+    assert "S5" not in {one.code for one in seen}
+    assert "S5" not in {one.code for one in of_text(longer, 0)}
+
+
+def test_sites_at_the_drawn_ends_are_told_and_meet_where_the_keyframe_has_them(tmp_path):
+    text = """<mujoco><compiler angle="radian"/><option timestep="0.001"/>
+      <default><geom type="capsule" size="0.008" contype="0" conaffinity="0"/><joint axis="1 0 0" damping="0.02"/>
+      </default><worldbody>
+      <body pos="0 -0.1 0"><joint name="l"/><geom fromto="0 0 0 0 0 0.15"/>
+        <body name="a" pos="0 0 0.15"><joint name="m"/><geom fromto="0 0 0 0 0 0.15"/>{a}</body></body>
+      <body pos="0 0.1 0"><joint name="r"/><geom fromto="0 0 0 0 0 0.15"/>
+        <body name="b" pos="0 0 0.15"><joint name="s"/><geom fromto="0 0 0 0 0 0.15"/>{b}</body></body></worldbody>
+      <equality>{pin}</equality><actuator><position joint="l" kp="20" kv="0.5"/><position joint="r" kp="20" kv="0.5"/>
+      </actuator><keyframe><key name="met" qpos="0 -0.72972766 0 0.72972766"/></keyframe></mujoco>"""
+    file = tmp_path / "m.xml"
+    file.write_text(text.format(a="", b="", pin='<connect name="pin" body1="a" body2="b" anchor="0 0 0.15"/>'))
+    checked = oarlock.check(file, budget=0, duration=0.5)
+    one = only(checked.verdict, "S5")
+    assert not {"S1", "S6"} & {each.code for each in checked.verdict}  # which say the same, only less of it
+    assert "which meet at the start to " in checked.answer
+    assert checked.answer.endswith("; or turn the links so that they are drawn together")
+    first, second = (" ".join(map(str, place)) for place in one.figures["sites"])
+    sites = [f'<site name="{name}" pos="{place}"/>' for name, place in (("p", first), ("q", second))]
+    joined = text.format(a=sites[0], b=sites[1], pin='<connect site1="p" site2="q"/>')
+    model = mujoco.MjModel.from_xml_string(joined)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    assert np.linalg.norm(data.efc_pos[:3]) < 1e-6
+    fixed = checked.fix(tmp_path / "fixed.xml")
+    assert not fixed.mended
+    assert {each.code for each in fixed.left} >= {"S5"}
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -90,6 +130,7 @@ def test_an_anchor_in_the_air_alone_is_no_mistake(change):
     assert "S5" not in {one.code for one in of_text(text.replace(*change), 0)}
 
 
+BESIDE = '<connect body1="rod" body2="lever" anchor="0.1 0.2 0.06"/>'
 LINKS = """<mujoco><default><geom type="capsule" size="0.008" contype="0" conaffinity="0"/><joint axis="{axis}"/>
   </default><worldbody><body name="arm"><joint name="arm"/><geom fromto="0 0 0 0.3 0 0"/>
     <body name="rod" pos="0.3 0 0"><joint name="rod"/><geom fromto="0 0 0 0.1 0.2 0"/></body></body>

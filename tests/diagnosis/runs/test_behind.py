@@ -100,7 +100,8 @@ FEATHER = """<mujoco><compiler angle="radian" boundmass="1e-6" boundinertia="1e-
   <body name="stay"><joint name="stay" damping="0.08"{armature}/>
     <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia}"/></body></worldbody>
   <equality><connect name="eye" body1="stay" body2="beam" anchor="0 0.3 0.5" solref="0.004 1"/></equality>
-  <actuator><position joint="beam" kp="200" kv="8"/></actuator><keyframe><key name="k" ctrl="0.2"/></keyframe></mujoco>"""
+  <actuator><position joint="beam" kp="200" kv="8"/></actuator>
+  <keyframe><key name="k" ctrl="0.2"/></keyframe></mujoco>"""
 
 
 def feather(armature: str = "", mass: str = "1e-6", inertia: str = "1e-9 1e-9 1e-9") -> str:

@@ -58,3 +58,39 @@ def test_beside_the_dead_point_it_is_not_named():
     knee = bent + np.arcsin(0.2 * np.sin(bent) / 0.25)
     slid = 0.2 * np.cos(bent) + 0.25 * np.cos(knee - bent) - 0.45
     assert found(toggle(qpos=f"{bent} {-knee} {slid}"))[0] is None
+
+
+WHEELS = """<mujoco><compiler angle="radian"/><option timestep="0.001" integrator="implicitfast"/>
+  <default><geom contype="0" conaffinity="0" density="1000"/><joint axis="0 1 0"/></default><worldbody>
+  <body name="lead" pos="0.3 0 0"><joint name="lead" damping="0.05"/>
+    <geom type="cylinder" size="0.1 0.01" euler="1.5707963 0 0"/>
+    <body name="rod" pos="0 0 0.07"><joint name="rod" damping="0.001"/>
+    <geom type="capsule" fromto="0 0 0 -0.6 0 0" size="0.01"/></body></body>
+  <body name="led" pos="-0.3 0 0"><joint name="led" damping="0.3"/>
+    <geom type="cylinder" size="0.1 0.01" euler="1.5707963 0 0"/>
+    <geom type="sphere" size="0.03" pos="0 0 0.09" mass="1.5"/></body></worldbody>
+  <equality><connect name="end" body1="rod" body2="led" anchor="-0.6 0 0" solref="0.004 1"/>{more}</equality>
+  <actuator><velocity name="drive" joint="lead" kv="20"/></actuator>
+  <keyframe><key name="k" ctrl="3"/></keyframe></mujoco>"""
+
+
+def behind(more: str = "") -> float:
+    """How far the wheel that is led stays behind the other, rad."""
+    model = mujoco.MjModel.from_xml_string(WHEELS.format(more=more))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_step(model, data, 2000)
+    return abs(float(data.qpos[0] - data.qpos[2]))
+
+
+def test_wheels_that_part_in_line_are_no_softness_and_the_coupling_that_is_told_keeps_them(tmp_path):
+    file = tmp_path / "m.xml"
+    file.write_text(WHEELS.format(more=""))
+    checked = oarlock.check(file)
+    (one,) = [one for one in checked.verdict if one.code == "U5"]
+    assert checked.answer.startswith("'end': at t = ")
+    assert "its links come into line" in checked.answer
+    coupling = one.figures["coupling"]
+    assert coupling in one.line
+    assert behind() > 1.0
+    assert behind(coupling) < 0.1

@@ -80,7 +80,8 @@ def test_others_are_not_named(tmp_path, told, third, mass):
     assert "A5" not in {one.code for one in verdict(shafts(told, third, mass), tmp_path)}
 
 
-MIMIC = """<mujoco><option timestep="0.002"/><default><geom contype="0" conaffinity="0"/><joint damping="0.05"/></default>
+MIMIC = """<mujoco><option timestep="0.002"/>
+  <default><geom contype="0" conaffinity="0"/><joint damping="0.05"/></default>
   <worldbody><body name="base"><joint name="base" axis="0 1 0"/>
     <geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.01" mass="0.1"/>
     <body name="tip" pos="0.1 0 0"><joint name="tip" axis="0 1 0"/>

@@ -93,7 +93,8 @@ def test_freedoms_of_free_and_ball_joints_are_told_in_a_whole_sentence(tmp_path)
         motors += f'<position joint="arm{leg}" kp="5" kv="0.1"/>'
     one, _ = undriven(TRIPOD.format(arms=arms, pins=pins, motors=motors), tmp_path)
     assert (one.figures["dof"], one.figures["driven"], one.figures["joints"]) == (9, 3, [])
-    assert "the other 6 go their own way and take 'plate' " in one.line
+    assert "the other 6 go their own way, turn 'plate' by " in one.line
+    assert one.figures["turning"] == "plate"
     assert one.line.endswith("; drive, or couple, what its ball and free joints leave free")
 
 

@@ -15,6 +15,7 @@ from oarlock.diagnosis.lint.collision import Collision
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.parted import Parted
 from oarlock.diagnosis.runs.trials import Trial
+from oarlock.diagnosis.verdict.references import exchanged
 from oarlock.mechanics import controls
 from oarlock.mechanics.names import Equality, element_name, equalities
 from oarlock.stepping.closing import CONSISTENT
@@ -103,7 +104,7 @@ def closed_keyframe(bench: Bench, changes: Sequence[Change] = ()) -> Keyframe | 
     if pose is None or not pose.closed:
         return None
     elsewhere = exam is not base and not (np.array_equal(exam.qpos, base.qpos) and np.array_equal(exam.qvel, base.qvel))
-    if (pose.consistent and not elsewhere) or _drawn_apart(exam, pose):
+    if (pose.consistent and not elsewhere) or _drawn_apart(exam, pose) or any(exchanged(exam)):
         return None
     key = source_key(base.model, base.options.keyframe)
     if key is not None:

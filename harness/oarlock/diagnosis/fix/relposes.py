@@ -3,8 +3,8 @@
 A relpose that neither a pose nor the drawing explains (S7) is written as it was meant. A weld without one holds the
 relative pose of the model's own pose: where nothing near a keyframe meets that inside of all ranges, the keyframe is
 what was meant (S6), and its relative pose is written; and so it is where the keyframe stands open by more than ``FAR``
-of the loops' size. Else the pose is moved, as of a coupling. Nothing is taken with
-which the run opens further; of what S7 names, with which it opens more than ``NAMED`` times as far.
+of the loops' size, and its servos are told to stay in it. Else the pose is moved, as of a coupling. Nothing is taken
+with which the run opens further; of what S7 names, with which it opens more than ``NAMED`` times as far.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,12 +19,17 @@ from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.fix.candidates import NAMED, UNMET, Offset, closes_inside, run_closed
 from oarlock.diagnosis.fix.words import drifts
 from oarlock.diagnosis.lint.defined import relative_pose
+from oarlock.diagnosis.symptoms import start_of
 from oarlock.mechanics.names import Equality, equalities
+from oarlock.mechanics.servos import servos
 
 FAR = 0.1
 """Of the size of the loops: a keyframe that stands open by more was posed so, and a weld is to hold it there."""
 
-HELD = "it has none of its own, and the keyframe was posed elsewhere (S6)"
+POSED = 1e-3
+"""rad or m: a servo that is told where its joint stands in a keyframe, to so much, holds it there."""
+
+HELD = "it has none of its own, and the servos hold the keyframe, which was posed elsewhere (S6)"
 
 _MEANT = {4: "its quaternion was written as x y z w (S7)", 3: "that is how the bodies are drawn (S7)"}
 """How many numbers of a relpose a remark corrects → what speaks for them."""
@@ -79,8 +84,17 @@ def _undefined(bench: Bench) -> Iterator[Offset]:
         if "wanted" in remark.figures and f"keyframe {quoted(remark.figures['keyframe'])}" == bench.base.begins:
             one = _weld(bench, remark.element)
             values = tuple(float(f"{value:.12g}") for value in relative_pose(bench.base.model, data, one))
-            why = HELD if remark.figures["gap"] > FAR * bench.exam.size else UNMET
+            why = HELD if remark.figures["gap"] > FAR * bench.exam.size and _posed(bench) else UNMET
             yield Offset(one, _given(bench, one), RelativePose(one.index, values), why)
+
+
+def _posed(bench: Bench) -> bool:
+    """Whether there are servos, and each is told where its joint stands at the start."""
+    model, told = bench.base.model, start_of(bench.base).ctrl
+    every = [(one, float(bench.base.qpos[model.jnt_qposadr[one.joint]])) for one in servos(model)]
+    return bool(every) and all(
+        abs(one.reached(one.told(model, float(told[one.index]))) - place) <= POSED for one, place in every
+    )
 
 
 def _weld(bench: Bench, name: str) -> Equality:

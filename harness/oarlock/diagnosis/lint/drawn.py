@@ -144,7 +144,7 @@ def _away(view: View, data: mujoco.MjData, body: int, place: np.ndarray) -> floa
 
 
 def _pins(view: View, data: mujoco.MjData, one: Equality, end: int) -> list[np.ndarray]:
-    """The directions (3) of the pins that an anchor may be on: of hinges of the two bodies, and of pairs of connects."""
+    """The directions (3) of the pins that an anchor may be on: of hinges of its bodies, and of pairs of connects."""
     model = view.model
     place = anchors(model, data, one)[end]
     welded = model.body_weldid[list(one.bodies)]

@@ -1,7 +1,8 @@
 """L13: a coupling of joints whose ratio belongs to the other order of them.
 
 MuJoCo has q₁ = p(q₂): the first joint follows the second. Written the other way round a ratio stands for its inverse,
-and the joints cannot use their ranges. Where no range tells, wheels that are drawn do, or the drives: a joint that is driven follows nothing,
+and the joints cannot use their ranges. Where no range tells, wheels that are drawn do (``gears``), or the drives: a
+joint that is driven follows nothing,
 least of all two others, or one that it carries.
 """
 
@@ -11,7 +12,6 @@ import numpy as np
 
 from oarlock.base.errors import few
 from oarlock.base.text import quoted
-from oarlock.diagnosis.lint import gears
 from oarlock.diagnosis.lint.view import JOINT, Remark, View, told
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality, element_name
@@ -30,9 +30,7 @@ FITS = 2.0
 def look(view: View) -> Iterator[Remark]:
     """A remark a coupling, or one of all that a driven joint is said to follow."""
     told_of = set[str]()
-    for remark in (*_by_ranges(view), *gears.look(view)):
-        if remark.element in told_of:
-            continue
+    for remark in _by_ranges(view):
         told_of.add(remark.element)
         yield remark
     yield from _by_drives(view, told_of)

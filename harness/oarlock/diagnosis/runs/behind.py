@@ -200,13 +200,10 @@ def find_blower(recording: Recording, steps: int, size: float) -> Behind | None:
             part = rerun(recording, changed, steps=steps)
             if part is None:
                 continue
-            rows = [
-                part.position[:, recording.layout.of_equality(at)] for at in range(len(recording.layout.equalities))
-            ]
-            opened = [
-                opening(model, equality, own[widest(model, equality, own)])
-                for equality, own in zip(recording.layout.equalities, rows, strict=True)
-            ]
+            opened = []
+            for at, equality in enumerate(recording.layout.equalities):
+                own = part.position[:, recording.layout.of_equality(at)]
+                opened.append(opening(model, equality, own[widest(model, equality, own)]))
             most = max(opened, key=lambda each: max(each.metres or 0.0, size * (each.radians or 0.0)))
             if max(most.metres or 0.0, size * (most.radians or 0.0)) <= WHOLE * size:
                 factor, worst = tried, most

@@ -62,7 +62,7 @@ WEIGHT = 0.5
 MOST_COORDINATES = 10
 """Of a pose that is written out in the answer; of more, --write-keyframe writes it."""
 
-_PREDICATES = ("is ", "opens ", "stands ", "stays ", "cannot ", "gives ")
+_PREDICATES = ("names ", "is ", "opens ", "stands ", "stays ", "cannot ", "gives ")
 """How a line begins of which the element is the subject."""
 
 
@@ -91,10 +91,12 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
             said += f"; {with_armature(exam.rotors, worst.equality)}"
         if why.code == "A1" and why.severity != "note":
             said = said.replace(": ", f" is too stiff for a timestep of {exam.timestep_s:g} s: ", 1)
-        said += _closed_start(exam) if why.code == "S1" and not why.figures.get("relpose") else ""
+        said += _closed_start(exam) if why.code == "S1" and not why.figures.get("meant") else ""
         stopped = because and exam.behind is not None and exam.behind.wanted is not None
         return said if stopped or why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
     if holds and stands(exam):
+        if (single := next((one for one in ordered if one.line.startswith("names no joint2")), None)) is not None:
+            return _own(single)
         return (
             "Nothing of its loops moves in this run, so that how they hold is not seen: give it a start with a "
             "velocity (--keyframe), or controls (--controls, --control)"

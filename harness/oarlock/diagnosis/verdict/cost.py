@@ -64,13 +64,15 @@ def withheld(findings: Sequence[Finding]) -> str:
             return one.code
         if one.severity != "note" and one.code in (*_DRIFT, "D6", "D8", "T2"):
             return ""
-        if one.severity != "note" and one.code == "S1" and one.figures.get("relpose"):
+        if one.severity != "note" and one.code == "S1" and one.figures.get("meant"):
             return one.code  # it was tried from another start than the one that is meant
     return ""
 
 
 def _less(finding: Finding, causes: Sequence[Finding]) -> Finding:
     """Without what causes behind it cost the same equality; a note where hardly anything of it is left."""
+    if finding.code == "S1" and finding.figures.get("meant"):
+        return finding
     behind = max((one for one in causes if finding.element in named(one)), key=lambda one: one.cost, default=None)
     if behind is None:
         return finding
@@ -141,9 +143,10 @@ def _blown(exam: Examination, finding: Finding) -> float:
 def _opened(exam: Examination, finding: Finding) -> float:
     """What the equality that is named stands open by at the start."""
     openings = exam.pose.openings if exam.pose is not None else ()
-    return max(
+    own = max(
         (metres(exam, one.metres, one.radians) for one in openings if one.equality == finding.element), default=0.0
     )
+    return own + _whole(exam, finding) if finding.figures.get("meant") else own  # all that follows comes of it
 
 
 def _figure(name: str) -> Callable[[Examination, Finding], float]:

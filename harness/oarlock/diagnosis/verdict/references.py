@@ -2,12 +2,19 @@
 
 from collections.abc import Iterator
 
+import mujoco
+import numpy as np
+
+from oarlock.base.text import quoted
 from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.loops.gaps import Culprits
 from oarlock.diagnosis.symptoms import start_of
 from oarlock.mechanics.coupled import coupled_ids
-from oarlock.mechanics.names import equalities
+from oarlock.mechanics.names import element_name, equalities
 from oarlock.poses.assembly import Assembly
+from oarlock.stepping.closing import CONSISTENT
+
+_SITE = mujoco.mjtObj.mjOBJ_SITE
 
 FROM_ZERO = 0.02
 """Of what a coupling stands open by: with joints counted from 0 it is closed to that."""
@@ -29,6 +36,27 @@ def closing(exam: Examination) -> Iterator[str]:
             yield (
                 f"MuJoCo counts its joints from their ref ({zeros[0]:g} and {zeros[1]:g}), and counted from 0 it is "
                 f'closed: polycoef="{offset:g} {polynomial[1]:g} 0 0 0"'
+            )
+
+
+def exchanged(exam: Examination) -> Iterator[str]:
+    """Two equalities by sites that are closed at the start once their second sites are exchanged."""
+    assert exam.pose is not None
+    data = start_of(exam)
+    mujoco.mj_kinematics(exam.model, data)
+    wide = {one.equality: one.metres or 0.0 for one in exam.pose.openings}
+    worst = max(wide, key=wide.__getitem__, default="")
+    open_ = [one for one in equalities(exam.model) if one.sites is not None and wide.get(one.name, 0.0) > CONSISTENT]
+    first = next((one for one in open_ if one.name == worst), None)
+    for second in open_ if first is not None else ():
+        assert first is not None
+        mine, theirs = (data.site_xpos[[*one.sites]] if one.sites else np.zeros((2, 3)) for one in (first, second))
+        apart = max(float(np.linalg.norm(mine[0] - theirs[1])), float(np.linalg.norm(theirs[0] - mine[1])))
+        if second is not first and second.kind is first.kind and apart <= FROM_ZERO * wide[first.name]:
+            names = [element_name(exam.model, _SITE, one.sites[1]) for one in (second, first) if one.sites]
+            yield (
+                f"with the second sites of {quoted(first.name)} and {quoted(second.name)} exchanged, "
+                f'site2="{names[0]}" and site2="{names[1]}", both are closed as it starts'
             )
 
 

@@ -7,11 +7,13 @@ import mujoco
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.lint import locked, opened
+from oarlock.diagnosis.loops.mobility import Mobility
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.verdict import blame, references
 from oarlock.diagnosis.verdict.findings import Finding, found
 from oarlock.diagnosis.verdict.short import short_along
-from oarlock.mechanics.names import element_name
+from oarlock.mechanics.coupled import coupled_ids
+from oarlock.mechanics.names import element_name, equalities
 
 _JOINT = mujoco.mjtObj.mjOBJ_JOINT
 
@@ -38,22 +40,37 @@ def start(exam: Examination) -> Iterator[Finding]:
     for one in pose.mobility:
         if one.locked:
             severity = blame.lock(exam, one)
-            said = locked.sentence(pose.tilts, one.equalities, one.frees, one.slide if severity == "warning" else "")
+            slide = one.slide if severity == "warning" else ""
+            said = _of_one(exam, one) or locked.sentence(pose.tilts, one.equalities, one.frees, slide)
             figures = {"also": list(one.equalities[1:]), "dof": one.dof, "kept": one.kept}
             yield found("S3", file, said, element=one.equalities[0], severity=severity, **figures)
     if not pose.consistent:
         yield _inconsistent(exam, pose)
 
 
+def _of_one(exam: Examination, one: Mobility) -> str:
+    """Of a coupling that names one joint alone: it holds that at a constant, whatever else was meant."""
+    own = [each for each in equalities(exam.model) if each.name in one.equalities]
+    ids = coupled_ids(exam.model, own[0].index) if len(own) == 1 and own[0].kind.holds == "joints" else []
+    if len(ids) != 1:
+        return ""
+    joint, constant = element_name(exam.model, _JOINT, ids[0]), float(exam.model.eq_data[own[0].index, 0])
+    return (
+        f"names no joint2, and so holds joint {quoted(joint)} at {constant:g} from the model's own pose: to follow "
+        "another joint it needs that as joint2"
+    )
+
+
 def _inconsistent(exam: Examination, pose: ClosedPose) -> Finding:
-    held = list(_as_it_starts(exam))
-    more = [said for said, _ in held]
-    if pose.moved_joint and not held:
+    held, exchanged = list(_as_it_starts(exam)), list(references.exchanged(exam))[:1]
+    more = [*exchanged, *(said for said, _ in held)]
+    if pose.moved_joint and not more:
         more.append(f"the nearest closed pose moves {quoted(pose.moved_joint)} by {pose.moved:.3g} {pose.moved_unit}")
     if pose.outside:
         more.append(f"it is beyond the {pose.outside[0].limit} by {pose.outside[0].by:.3g}")
     one = opened.of(pose.openings, pose.speeds, [*more, *references.closing(exam)])
     figures = {**one.figures, "moved": pose.moved, "relpose": held[0][1] if held else None}
+    figures["meant"] = bool(held or exchanged)
     severity = "note" if one.element in offsets(exam) else one.severity
     return found("S1", exam.file, one.line, element=one.element, severity=severity, **figures)
 

@@ -249,17 +249,16 @@ def leverless(exam: Examination) -> Iterator[Finding]:
         unit = "m" if one.slides else "rad"
         pushes = f"{in_words(list(one.actuators))} {'push' if one.actuators[1:] else 'pushes'}"
         qpos = " ".join(f"{value + 0.0:.6g}" for value in one.qpos)
+        has = "have" if one.actuators[1:] else "has"
         said = (
-            f"{pushes} with up to {one.force:.3g} {one.effort} and {'have' if one.actuators[1:] else 'has'} no lever on its loop at the start: the links are in "
-            f"a dead point there, and no force moves {quoted(one.joint)}; "
+            f"{pushes} with up to {one.force:.3g} {one.effort} and {has} no lever on its loop at the start: the links "
+            f"are in a dead point there, and no force moves {quoted(one.joint)}; "
         )
         if len(one.qpos) <= MOST_COORDINATES:
             said += f'from qpos="{qpos}", which is closed beside it, '
         else:
             said += "from a closed pose 5 degrees beside it "
-        said += (
-            f"it goes {one.way:.3g} {unit} in the same run; or give it a velocity, or a force on {quoted(one.joint)}"
-        )
+        said += f"it goes {one.way:.3g} {unit} in the same run; or give it a velocity, or a force on that joint"
         figures = {
             "also": list(one.equalities[1:]),
             "actuators": list(one.actuators),
@@ -335,11 +334,11 @@ def _kept(exam: Examination, one: Undriven) -> str:
         said = f"with {with_them} it goes {one.left:.2g} m; or {said}"
     if joints:
         return f"{said}{'one of ' if not one.springs and joints[loose:] else ''}{few(joints, last='and')}"
-    if one.turning:
-        hold = (
-            f"hold the rotation of {quoted(one.turning)}: slides in place of its freejoint, or a second rod beside each"
+    if one.unturned is not None:
+        return (
+            f"hold the rotation of {quoted(one.turning)}: slides in place of its freejoint, or a second rod beside "
+            f"each; when it does not turn, {quoted(one.body)} goes {one.unturned:.2g} m"
         )
-        return f"{hold}; when it does not turn, that goes {one.unturned:.2g} m" if one.unturned is not None else hold
     return f"{said}what its ball and free joints leave free"
 
 
