@@ -59,3 +59,31 @@ def test_an_armature_that_a_servo_lacks_is_written_and_keeps_the_run_finite(tmp_
 def test_neither_is_written_where_nothing_asks_for_it(word, tmp_path):
     _, out = fixed(tmp_path)
     assert word not in out.read_text()
+
+
+WHEELS = """<mujoco><option timestep="0.002"/><default><geom contype="0" conaffinity="0"/>
+    <joint damping="0.01" axis="0 1 0"/></default><worldbody>
+  <body><joint name="p"/><geom type="cylinder" size="0.03 0.01" euler="90 0 0" mass="0.2"/></body>
+  <body pos="0.12 0 0"><joint name="q"/><geom type="cylinder" size="0.09 0.01" euler="90 0 0" mass="1"/></body>
+  </worldbody><equality><joint name="mesh" joint1="p" joint2="q" polycoef="{polycoef} 0 0 0"/></equality>
+  <actuator><velocity joint="p" kv="0.03"/></actuator><keyframe><key ctrl="4"/></keyframe></mujoco>"""
+
+
+def test_beside_a_ratio_of_another_mechanism_no_settings_are_written(tmp_path):
+    file = tmp_path / "m.xml"
+    file.write_text(WHEELS.format(polycoef="0 -0.3333333"))
+    checked = oarlock.check(file)
+    fix = checked.fix(tmp_path / "fixed.xml")
+    assert "L13" in {one.code for one in fix.left}
+    assert "solref" not in (tmp_path / "fixed.xml").read_text()
+    assert any("would only hide what is wrong" in said for said in fix.left_out)
+
+
+def test_a_constant_in_degrees_is_written_in_radians_and_the_pose_stays_near(tmp_path):
+    file = tmp_path / "m.xml"
+    file.write_text(WHEELS.format(polycoef="30 -3"))
+    checked = oarlock.check(file)
+    assert 'polycoef="0.523599 -3 0 0 0"' in checked.answer
+    checked.fix(tmp_path / "fixed.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "fixed.xml"))
+    assert abs(model.eq_data[0, 0] - np.radians(30.0)) < 1e-6

@@ -46,6 +46,9 @@ _DRIFT = ("D1", "D2", "D3", "D4", "D5", "D6")
 _UNSEEN = {"T3"}
 """Codes of what the search for settings shows: a fixed file's own check makes none. D6 may be one of them."""
 
+ANOTHER = ("L13", "L15", "S5")
+"""Codes of warnings of which it is another mechanism that stiffer equalities would hold."""
+
 TURNED_BACK = ("U4", "U5")
 """Codes of what stiffer equalities do mend, among those that something else in the file has to mend."""
 
@@ -70,8 +73,13 @@ def _driven(bench: Bench, change: Armature) -> set[str]:
 
 
 def standing(left: Sequence[Finding]) -> list[Finding]:
-    """Errors that no settings mend: beside them stiffer equalities only hide what is wrong."""
-    return [one for one in left if one.severity == "error" and one.code in BEYOND and one.code not in TURNED_BACK]
+    """What no settings mend: beside it stiffer equalities only hide what is wrong."""
+    return [
+        one
+        for one in left
+        if (one.severity == "error" and one.code in BEYOND and one.code not in TURNED_BACK)
+        or (one.severity == "warning" and one.code in ANOTHER)
+    ]
 
 
 def mended(findings: Sequence[Finding], changes: Sequence[Change], again: Sequence[Finding]) -> tuple[str, ...]:

@@ -161,7 +161,7 @@ def _settings(bench: Bench, found: Choice, changes: list[Change], target: float)
         if found.recipe is None:
             return None
         wanted = Settings(found.recipe.chosen.setting)
-        if not _better(bench.run([*changes, wanted]), found.after):
+        if wanted.setting == bench.own or not _better(bench.run([*changes, wanted]), found.after):
             return None
         best = wanted
     first = bench.setting([best] if best else [])

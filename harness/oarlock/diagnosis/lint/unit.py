@@ -214,7 +214,9 @@ def _of_couplings(view: View) -> Iterator[Remark]:
         _, offset, written = plain[0]
         said = f"begins with {offset:g}, in radians {abs(offset) / TURN:.3g} turns: degrees were meant? "
         said += f'{offset:g}° are {math.radians(offset):.6g} rad: polycoef="{written}"'
-        yield _remark("polycoef", [name for name, *_ in plain], said)
+        remark = _remark("polycoef", [name for name, *_ in plain], said)
+        wanted = {} if plain[1:] else {"wanted": math.radians(offset)}
+        yield replace(remark, figures=remark.figures | wanted)
 
 
 def _off(view: View, one: Equality, offset: float) -> float:
