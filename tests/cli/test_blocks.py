@@ -93,7 +93,7 @@ def test_findings_of_one_code_share_a_line(capsys):
         "1 error, 9 notes.",
         "error   T2 unstable  whole",
         "note    D1 compliance  a: line a",
-        "           and 8 more: b, c, d, e, f, g and 2 more",
+        "           and 8 more: b, c, d, e, f, g and 2 more (--report and --json have each)",
         "oarlock explain T2 says what that means, how it is measured, and what to do",
     ]
 

@@ -219,7 +219,11 @@ def test_a_recipe_reaches_its_target_or_says_why_not(name, target):
     again = run_trial(found.model, recipe.chosen.setting, start, found.laws, found.duration_s, "again")
     assert again.drift <= target
     assert recipe.verified
-    assert recipe.outcome == "holds" or only(findings, "T1").figures["drift"] <= target
+    if found.withheld:  # a stop that fights the loop is what is the matter: no settings are offered beside it
+        assert found.withheld in {one.code for one in findings if one.severity == "warning"}
+        assert not [one for one in findings if one.code == "T1"]
+    else:
+        assert recipe.outcome == "holds" or only(findings, "T1").figures["drift"] <= target
     if recipe.outcome == "reached":
         assert recipe.chosen.setting.solimp == STIFF_SOLIMP
 

@@ -103,7 +103,7 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
         )
     if holds:
         return f"Every loop holds the wanted {figure(exam.target)} m or rad: {_opens(worst, 'at most ')}"
-    if worst.largest <= VISIBLE:
+    if worst.largest <= VISIBLE and not any(one.code == "D7" for one in ordered):
         return (
             f"The loops hold: {_opens(worst, 'at most ')}, which is more than the wanted {figure(exam.target)} m or "
             f"rad and less than what is seen{_mended(exam)}"
