@@ -117,6 +117,7 @@ def test_a_damper_on_a_body_without_inertia_is_told_with_the_armature_that_makes
     one = given.examination.behind
     assert one is not None
     assert (one.suspect.sort, one.suspect.name) == ("damper", "stay")
+    assert one.armature is not None
     value, left = one.armature
     assert f'armature="{value:g}" on that joint' in given.answer
     assert "a mass of its body 'stay', which has 1e-06 kg" in given.answer

@@ -140,7 +140,7 @@ def _effort(model: mujoco.MjModel, actuators: list[int]) -> str:
     on = [int(model.actuator_trnid[index, 0]) for index in actuators]
     joints = model.actuator_trntype[actuators] == int(mujoco.mjtTrn.mjTRN_JOINT)
     slides = {bool(model.jnt_type[joint] == _SLIDE) for joint in on} if joints.all() else {True, False}
-    return {(True,): "N", (False,): "N m"}.get(tuple(slides), "N or N m")
+    return "N or N m" if len(slides) > 1 else "N" if slides.pop() else "N m"
 
 
 def _moved(recording: Recording, motion: np.ndarray, dofs: list[int], unit: np.ndarray) -> float:
