@@ -224,8 +224,12 @@ def test_the_data_of_another_model_of_the_same_size_is_refused():
         lambda model: setattr(model.opt, "integrator", int(mujoco.mjtIntegrator.mjINT_RK4)),
         lambda model: model.opt.gravity.fill(0.0),
         lambda model: setattr(model.opt, "viscosity", 0.1),
+        lambda model: setattr(model.opt, "cone", int(mujoco.mjtCone.mjCONE_ELLIPTIC)),
+        lambda model: setattr(model.opt, "disableflags", int(mujoco.mjtDisableBit.mjDSBL_CONTACT)),
+        lambda model: setattr(model.opt, "enableflags", int(mujoco.mjtEnableBit.mjENBL_ENERGY)),
+        lambda model: setattr(model.opt, "disableactuator", 1),
     ],
-    ids=["timestep", "integrator", "gravity", "viscosity"],
+    ids=["timestep", "integrator", "gravity", "viscosity", "cone", "disableflags", "enableflags", "disableactuator"],
 )
 def test_options_that_change_later_are_refused(change):
     model = mujoco.MjModel.from_xml_string(four_bar())

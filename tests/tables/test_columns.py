@@ -21,8 +21,12 @@ CALIBRATION: dict[str, Any] = {
     "trajectory_diff": None,
     "step_us": 1.0,
     "qpos": [1.0, 2.0],
+    "qvel": [0.5, 0.0],
+    "ctrl": [],
 }
 """A row of the shortest table there is."""
+
+LISTS = ["qpos", "qvel", "ctrl", "residual", "multipliers"]
 
 
 def column(kind: str, values: list, **more: Any) -> Any:
@@ -41,6 +45,8 @@ def from_the_core() -> dict[str, Any]:
         "trajectory_diff": column("float", [np.nan, 0.5, 1.0], missing=np.array([True, False, False])),
         "step_us": column("float", [1.0, 1.0, 1.0]),
         "qpos": column("list", [1.0, 2.0, 3.0], lengths=np.array([2, 0, 1], dtype=np.uint64)),
+        "qvel": column("list", [0.5, 0.0], lengths=np.array([2, 0, 0], dtype=np.uint64)),
+        "ctrl": column("list", [], lengths=np.zeros(3, dtype=np.uint64)),
     }
 
 
@@ -113,4 +119,4 @@ def test_what_is_shown_and_what_changes_from_run_to_run():
 
 def test_a_column_says_what_it_is():
     assert all(one.meaning and one.walks for one in COLUMNS)
-    assert [name for name, kind in SCHEMA.items() if kind == pl.List(pl.Float64)] == ["qpos", "residual", "multipliers"]
+    assert [name for name, kind in SCHEMA.items() if kind == pl.List(pl.Float64)] == LISTS

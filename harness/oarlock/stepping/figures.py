@@ -22,7 +22,7 @@ Row = dict[str, Any]
 
 
 def place(prepared: Prepared, step: int, data: mujoco.MjData, rate: np.ndarray | None = None) -> Row:
-    """Where a step starts: time, positions, how open the rows are, and how far it is from an outside truth.
+    """Where a step starts: time, state, controls, how open the rows are, and how far it is from an outside truth.
 
     ``rate`` (ne) is how fast they open, where that is not J v.
     """
@@ -32,6 +32,8 @@ def place(prepared: Prepared, step: int, data: mujoco.MjData, rate: np.ndarray |
         "drift_pos": float(largest(data.efc_pos[: data.ne])),
         "drift_vel": float(largest(data.efc_vel[: data.ne] if rate is None else rate)),
         "qpos": data.qpos.tolist(),
+        "qvel": data.qvel.tolist(),
+        "ctrl": data.ctrl.tolist(),
     }
     if prepared.observed is not None:
         row["truth_error"] = prepared.truth_error(step, data)

@@ -119,6 +119,8 @@ COLUMNS = (
     Column("published_multiplier_error_rel", "float", "the same of multipliers, relative", _FREE, optional=True),
     Column("step_us", "float", "wall time of the step itself, µs"),
     Column("qpos", "list", "positions, nq"),
+    Column("qvel", "list", "velocities, nv"),
+    Column("ctrl", "list", "controls, nu"),
     Column("residual", "list", "deviations of the rows, ne", _ASKED),
     Column("multipliers", "list", "multipliers, ne", _ASKED),
 )

@@ -151,6 +151,8 @@ impl Notes {
         steps.float("drift_pos", largest(data.pos()));
         steps.float("drift_vel", largest(data.vel()));
         steps.list("qpos", data.qpos());
+        steps.list("qvel", data.qvel());
+        steps.list("ctrl", data.ctrl());
         if let Some(observed) = self.observed {
             steps.list("observed", observed.place(data));
         }

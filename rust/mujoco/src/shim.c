@@ -140,11 +140,12 @@ void oarlock_leave_unsolved(mjModel* model, double timestep) {
   *mjModel_disableflags(model) |= mjDSBL_ISLAND;
 }
 
-// From timestep up to integrator an mjOption has numbers, which are asked of every step; what comes after is for walks to set.
-int oarlock_same_options(const mjModel* one, const mjModel* other) {
-  const char* first = (const char*)mjModel_timestep(one);
-  size_t length = (size_t)((const char*)mjModel_integrator(one) - first);
-  return !memcmp(first, mjModel_timestep(other), length) && *mjModel_integrator(one) == *mjModel_integrator(other);
+// From timestep up to integrator an mjOption has numbers, from there up to disableactuator kinds, limits and switches.
+size_t oarlock_options(const mjModel* m, void* room, size_t size) {
+  const char* first = (const char*)mjModel_timestep(m);
+  size_t length = (size_t)((const char*)(mjModel_disableflags(m) + 3) - first);
+  if (length <= size) memcpy(room, first, length);
+  return length;
 }
 
 void oarlock_make_dense(mjModel* model) { *mjModel_jacobian(model) = mjJAC_DENSE; }

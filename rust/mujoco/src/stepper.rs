@@ -99,8 +99,12 @@ impl Start {
     }
 
     /// Why a step that ends with rows open by `drift` (m or rad) is none.
-    fn refusal(&self, drift: f64, step: f64) -> Error {
-        let close = "close the start first (stepper.close(data))";
+    fn refusal(&self, drift: f64, step: f64, mocaps: bool) -> Error {
+        let close = if mocaps {
+            "close the start first, and after every move of a mocap body (stepper.close(data))"
+        } else {
+            "close the start first (stepper.close(data))"
+        };
         let time = self.time;
         Error::Refused(if self.open.max(self.rate * step) < OWN * drift {
             format!(
@@ -290,7 +294,7 @@ impl Lane {
         if let Some(projector) = &walker.projector {
             self.drift = largest(walker.data.pos());
             if projector.last.is_some_and(|last| last.landing == Landing::TooFar) {
-                return Err(self.start.refusal(self.drift, walker.data.model().timestep()));
+                return Err(self.start.refusal(self.drift, walker.data.model().timestep(), self.mocaps));
             }
         }
         if is_sane(&walker.data) {

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray3};
 use oarlock_mujoco as native;
-use oarlock_mujoco::library::Data;
+use oarlock_mujoco::library::{Data, Options};
 use oarlock_mujoco::state::Baumgarte;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -21,8 +21,8 @@ pub struct Stepper {
     /// a stage of a small model.
     known: Mutex<Option<(Py<PyAny>, usize)>>,
     require: Py<PyAny>,
-    /// The model that was given, kept for its address.
-    given: (Py<PyAny>, usize),
+    /// The model that was given, kept for its address, and its options then.
+    given: (Py<PyAny>, usize, Options),
 }
 
 type States<'py> = (Bound<'py, PyArray3<f64>>, Bound<'py, PyArray3<f64>>);
@@ -49,7 +49,10 @@ impl Stepper {
         mocaps: bool,
         require: Py<PyAny>,
     ) -> PyResult<Self> {
-        let given = (given.clone().unbind(), given.getattr("_address")?.extract()?);
+        let address = given.getattr("_address")?.extract()?;
+        // SAFETY: the address is that of a model, and the interpreter lock keeps other Python code from writing.
+        #[allow(unsafe_code)]
+        let given = (given.clone().unbind(), address, unsafe { Options::at(address) });
         let projector = projector.map(|solver| solver.fresh()).transpose()?;
         let made = native::stepper::Stepper::new(
             &*copied(py, model)?,
@@ -66,7 +69,7 @@ impl Stepper {
     /// Takes a step with an `MjData`.
     fn step(&self, py: Python<'_>, data: &Bound<'_, PyAny>) -> PyResult<()> {
         let stepper = &mut *self.take()?;
-        self.unchanged(stepper.model())?;
+        self.unchanged()?;
         let known = &mut *self.known.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let address = match known {
             Some((object, address)) if object.is(data) => *address,
@@ -93,7 +96,7 @@ impl Stepper {
     ) -> PyResult<States<'py>> {
         let stepper = &mut *self.take()?;
         let model = Arc::clone(stepper.model());
-        self.unchanged(&model)?;
+        self.unchanged()?;
         let data =
             addresses.iter().map(|&address| borrowed(&model, address)).collect::<PyResult<Vec<_>>>()?;
         let (nq, nv, nu, count) = (model.nq(), model.nv(), model.nu(), addresses.len());
@@ -178,12 +181,13 @@ impl Stepper {
         alone(|| "the stepper".to_owned(), &self.inner)
     }
 
-    /// Refuses where the options of the model that was given are no longer those of the copy that takes the steps.
-    fn unchanged(&self, own: &native::library::Model) -> PyResult<()> {
-        // SAFETY: the address is that of a model which is kept, and the interpreter lock keeps other Python code from writing.
+    /// Refuses where the options of the model that was given are no longer what they were.
+    fn unchanged(&self) -> PyResult<()> {
+        let (_, address, then) = &self.given;
+        // SAFETY: as where they were taken; the model is kept.
         #[allow(unsafe_code)]
-        let same = unsafe { own.has_options_of(self.given.1) };
-        if same {
+        let now = unsafe { Options::at(*address) };
+        if now == *then {
             return Ok(());
         }
         Err(InputError::new_err(

@@ -63,6 +63,8 @@ arrays! { Data,
     qpos: f64 = |d| d.model.nq();
     /// Velocities, nv.
     qvel: f64 = |d| d.model.nv();
+    /// Controls, nu.
+    ctrl: f64 = |d| d.model.nu();
     /// Actuator activations, na.
     act: f64 = |d| d.model.na();
     /// Accelerations, nv.

@@ -136,7 +136,7 @@ unsafe extern "C" {
         message: *mut c_char,
     ) -> c_int;
     pub(super) fn oarlock_leave_unsolved(model: *mut c_void, timestep: f64);
-    pub(super) fn oarlock_same_options(one: *const c_void, other: *const c_void) -> c_int;
+    pub(super) fn oarlock_options(model: *const c_void, room: *mut c_void, size: usize) -> usize;
     pub(super) fn oarlock_make_dense(model: *mut c_void);
     pub(super) fn oarlock_delete_model(model: *mut c_void);
     pub(super) fn oarlock_make_data(

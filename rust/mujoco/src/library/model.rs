@@ -5,7 +5,7 @@ use std::ptr::{self, NonNull};
 
 use super::ffi::{
     ModelView, oarlock_copy_model, oarlock_delete_model, oarlock_differentiate, oarlock_integrate,
-    oarlock_leave_unsolved, oarlock_make_dense, oarlock_name, oarlock_same_options, oarlock_view_model,
+    oarlock_leave_unsolved, oarlock_make_dense, oarlock_name, oarlock_options, oarlock_view_model,
 };
 use super::{OPENED, array, arrays, size, trapped};
 use crate::error::Error;
@@ -162,17 +162,6 @@ impl Model {
         Ok(copy)
     }
 
-    /// Whether the numbers among the options of the model at an address (timestep, gravity, viscosity, …) and its integrator are
-    /// those of this one.
-    ///
-    /// # Safety
-    /// As of [`copy_of`](Self::copy_of).
-    #[must_use]
-    pub unsafe fn has_options_of(&self, address: usize) -> bool {
-        // SAFETY: the caller's, and nothing is written.
-        unsafe { oarlock_same_options(self.raw.as_ptr(), address as *const c_void) != 0 }
-    }
-
     /// The same model, of which every answer of MuJoCo's constraint solver is held against the minimum that it is after: see
     /// [`Data::forward`](super::Data::forward).
     #[must_use]
@@ -295,5 +284,32 @@ impl Model {
         assert_eq!((apart.len(), from.len(), to.len()), (self.nv(), self.nq(), self.nq()));
         // SAFETY: as for `integrate`.
         unsafe { oarlock_differentiate(self.raw.as_ptr(), apart.as_mut_ptr(), from.as_ptr(), to.as_ptr()) }
+    }
+}
+
+/// The options of a model as they are now: numbers (timestep, gravity, viscosity, …), kinds, limits and switches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    bytes: [u8; OPTIONS],
+}
+
+/// Room for all of an mjOption.
+const OPTIONS: usize = 512;
+
+impl Options {
+    /// Those of the model at an address.
+    ///
+    /// # Safety
+    /// It is that of an mjModel, and nobody writes to it meanwhile.
+    ///
+    /// # Panics
+    /// If there is no room for them.
+    #[must_use]
+    pub unsafe fn at(address: usize) -> Self {
+        let mut bytes = [0; OPTIONS];
+        // SAFETY: the caller's; room for as many bytes as are said to be there.
+        let length = unsafe { oarlock_options(address as *const c_void, bytes.as_mut_ptr().cast(), OPTIONS) };
+        assert!(length <= OPTIONS, "options of {length} bytes");
+        Self { bytes }
     }
 }
