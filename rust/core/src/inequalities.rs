@@ -134,7 +134,7 @@ impl Inequalities {
         if nv == 0 {
             return Err(Error::Empty { what: "system" });
         }
-        step.check(nv)?;
+        step.check_beside_jacobian(nv)?;
         if let Some(near) = near {
             check_len("near", near.len(), &[nv])?;
             check_finite("near", near)?;
@@ -142,7 +142,9 @@ impl Inequalities {
         self.decide(system)?;
         system.form_whitened();
         self.take(step);
-        self.frame.find(system, step, whiten)?;
+        // What is not finite in J is not in its product with H either.
+        let unfit = |error| step.check(nv).err().unwrap_or(error);
+        self.frame.find(system, step, whiten).map_err(unfit)?;
         let near = near.filter(|near| near.iter().all(|entry| entry.abs() < LARGEST));
         let (course, warm) = self.newton.run(&self.frame, step, near);
         check_finite("forces of the rows", &self.newton.f)?;

@@ -12,8 +12,8 @@
 //! would lose the light ones (Powell and Reid 1969).
 
 use crate::linalg::kernels::{dot_in_lanes, norm, widest};
-use crate::linalg::packs::{self, Pack};
-use crate::linalg::reflections::{orthogonalise, reflect, reflector, solve_upper, triangularise};
+use crate::linalg::packs::{self, LANES, Pack, packs_of};
+use crate::linalg::reflections::{orthogonalise, reflector_of, solve_upper, triangularise};
 use crate::problem::FOLD_TOLERANCE;
 use crate::solvers::RANK_CUT;
 use crate::system::Parts;
@@ -40,8 +40,10 @@ pub(super) struct Basis {
     pub(super) velocities: Vec<usize>,
     /// η*, in the units of y.
     fixed: Vec<f64>,
-    /// Reflectors below, R above the diagonal; columns of W.
-    factor: Vec<f64>,
+    /// Columns of W, up to whole packs, which come to have R above the diagonal.
+    factor: Vec<Pack>,
+    /// Columns as long, with zeros above the diagonal.
+    reflectors: Vec<Pack>,
     diagonal: Vec<f64>,
     /// Products of the first reflector with the second, of the third with the fourth …
     between: Vec<f64>,
@@ -83,10 +85,19 @@ impl Basis {
         self.rank = 0;
         self.scale(parts, given, squares);
         let height = self.velocities.len();
+        let stride = LANES * packs_of(height);
         self.factor.clear();
-        for (&row, &size) in given.iter().zip(&self.sizes) {
+        self.factor.resize(packs_of(height) * given.len(), packs::NONE);
+        let own = self.factor.as_flattened_mut().chunks_exact_mut(stride.max(1));
+        for (own, (&row, &size)) in own.zip(given.iter().zip(&self.sizes)) {
             let column = &parts.whitened[row * nv..(row + 1) * nv];
-            self.factor.extend(self.velocities.iter().map(|&velocity| column[velocity] * size));
+            if height == nv {
+                own.iter_mut().zip(column).for_each(|(entry, whitened)| *entry = whitened * size);
+                continue;
+            }
+            for (entry, &velocity) in own.iter_mut().zip(&self.velocities) {
+                *entry = column[velocity] * size;
+            }
         }
         self.left.clear();
         self.left.extend(given.iter().zip(&self.sizes).map(|(&row, size)| squares[row] * size * size));
@@ -123,26 +134,35 @@ impl Basis {
         let least = (ROUNDING * ROUNDING * trace).max(f64::MIN_POSITIVE);
         self.known.clear();
         self.known.extend_from_slice(&self.left);
-        let Self { factor, order, diagonal, left, known, .. } = self;
+        let stride = packs_of(height);
+        self.reflectors.resize(stride * height.min(self.order.len()), packs::NONE);
+        self.between.clear();
+        let Self { factor, reflectors, order, diagonal, left, known, between, .. } = self;
         widest(
             #[inline(always)]
-            || pivoted(height, least, factor, order, diagonal, (&mut *left, &mut *known)),
+            || {
+                pivoted((height, least), factor, reflectors, order, diagonal, (&mut *left, &mut *known));
+                for pair in reflectors[..diagonal.len() * stride].chunks_exact(2 * stride) {
+                    let (one, other) = pair.split_at(stride);
+                    between.push(packs::product(one, other));
+                }
+            },
         );
-        self.between.clear();
-        for col in (1..self.diagonal.len()).step_by(2) {
-            let (one, other) = self.factor[(col - 1) * height..(col + 1) * height].split_at(height);
-            self.between.push(dot_in_lanes(&one[col..], &other[col..]));
-        }
     }
 
     /// An entry of R, in the units of the rows.
     fn entry(&self, height: usize, row: usize, col: usize) -> f64 {
         let entry = match row.cmp(&col) {
-            std::cmp::Ordering::Less => self.factor[col * height + row],
+            std::cmp::Ordering::Less => self.above(height, col)[row],
             std::cmp::Ordering::Equal => self.diagonal[row],
             std::cmp::Ordering::Greater => 0.0,
         };
         entry / self.sizes[self.order[col]]
+    }
+
+    /// Entries of R above the diagonal.
+    fn above(&self, height: usize, col: usize) -> &[f64] {
+        &self.factor[self.order[col] * packs_of(height)..].as_flattened()[..col.min(height)]
     }
 
     /// How many coordinates are fixed, and which.
@@ -218,7 +238,7 @@ impl Basis {
             // As many as rows: forward substitution with Rᵀ.
             // In units of its size each, which is exact: both are multiplied by a power of two.
             for row in 0..rank {
-                let own = &self.factor[row * height..][..row];
+                let own = self.above(height, row);
                 let wanted = self.work[row] * self.sizes[self.order[row]];
                 self.fixed.push((wanted - dot_in_lanes(own, &self.fixed)) / self.diagonal[row]);
             }
@@ -278,29 +298,32 @@ impl Basis {
     /// Brings vectors of the block's velocities into the frame, Qᵀ w; their first coordinates are η's.
     #[allow(clippy::inline_always)]
     #[inline(always)]
-    fn turn_into(&mut self, w: &mut [Pack]) {
-        let (height, found) = (w.len(), self.diagonal.len());
+    fn turn_into<const N: usize>(&mut self, w: &mut [[Pack; N]]) {
+        let (stride, found) = (LANES * packs_of(w.len()), self.diagonal.len());
+        let reflectors = self.reflectors.as_flattened();
         for (&between, col) in self.between.iter().zip((0..found).step_by(2)) {
-            let (one, other) = self.factor[col * height..(col + 2) * height].split_at(height);
-            packs::reflect_twice(&one[col..], &other[col + 1..], between, &mut w[col..]);
+            let (one, other) = reflectors[col * stride..(col + 2) * stride].split_at(stride);
+            packs::reflect_twice(&one[col..], &other[col..], between, &mut w[col..]);
         }
         if !found.is_multiple_of(2) {
             let col = found - 1;
-            packs::reflect(&self.factor[col * height + col..(col + 1) * height], &mut w[col..]);
+            packs::reflect(&reflectors[col * stride + col..(col + 1) * stride], &mut w[col..]);
         }
         if !self.turns.is_empty() {
             self.turned.clear();
-            self.turned.extend_from_slice(&w[..found]);
+            self.turned.extend_from_slice(w[..found].as_flattened());
+            let turned = self.turned.as_chunks().0;
             for (entry, turn) in w.iter_mut().zip(self.turns.chunks_exact(found)) {
-                *entry = packs::dots(&self.turned, turn);
+                *entry = packs::dots(turned, turn);
             }
         }
     }
 
-    /// Brings rows into the frame, `w` (the block's velocities) to the coordinates that are left, `rows`; gives their offsets w · y*.
+    /// Brings rows into the frame, `w` (the block's velocities), whose last entries are those of the coordinates that are left; gives
+    /// their offsets w · y*.
     #[allow(clippy::inline_always)]
     #[inline(always)]
-    pub(super) fn take_rows(&mut self, w: &mut [Pack], rows: &mut [Pack]) -> Pack {
+    pub(super) fn take_rows<const N: usize>(&mut self, w: &mut [[Pack; N]]) -> [Pack; N] {
         self.turn_into(w);
         let offsets = packs::dots(&w[..self.fixed.len()], &self.fixed);
         if self.soft {
@@ -308,10 +331,11 @@ impl Basis {
             let rows = self.metric_rows;
             for (col, diagonal) in self.metric_diagonal.iter().enumerate() {
                 let part = packs::dots(&w[..col], &self.metric[col * rows..col * rows + col]);
-                w[col] = std::array::from_fn(|lane| (w[col][lane] - part[lane]) / diagonal);
+                for (w, part) in w[col].iter_mut().zip(&part) {
+                    w.iter_mut().zip(part).for_each(|(w, part)| *w = (*w - part) / diagonal);
+                }
             }
         }
-        rows.copy_from_slice(&w[self.rank..]);
         offsets
     }
 
@@ -327,36 +351,41 @@ impl Basis {
 #[allow(clippy::inline_always)]
 #[inline(always)]
 fn pivoted(
-    height: usize,
-    least: f64,
-    factor: &mut [f64],
+    (height, least): (usize, f64),
+    factor: &mut [Pack],
+    reflectors: &mut [Pack],
     order: &mut [usize],
     diagonal: &mut Vec<f64>,
     (left, known): (&mut [f64], &mut [f64]),
 ) {
-    let count = order.len();
+    let (count, stride) = (order.len(), packs_of(height));
     for step in 0..height.min(count) {
-        let longest = (step..count).fold(step, |best, col| if left[col] > left[best] { col } else { best });
-        let most = left[longest];
+        let longer =
+            |best: usize, place: usize| if left[order[place]] > left[order[best]] { place } else { best };
+        let longest = (step..count).fold(step, longer);
+        let most = left[order[longest]];
         if most <= least || most.is_nan() {
             break;
         }
-        if longest != step {
-            let (low, high) = factor.split_at_mut(longest * height);
-            low[step * height..(step + 1) * height].swap_with_slice(&mut high[..height]);
-            order.swap(step, longest);
-            left.swap(step, longest);
-            known.swap(step, longest);
-        }
-        let (own, rest) = factor[step * height..].split_at_mut(height);
-        let v = &mut own[step..];
-        diagonal.push(reflector(v));
-        let squares = left[step + 1..].iter_mut().zip(&mut known[step + 1..]);
-        for (other, (left, known)) in rest.chunks_exact_mut(height).zip(squares) {
-            reflect(v, &mut other[step..]);
-            *left -= other[step] * other[step];
+        order.swap(step, longest);
+        let own = &factor[order[step] * stride..][..stride];
+        // Whole packs: zeros above the diagonal cost less than loops of other lengths.
+        let (from, lane) = (step / LANES, step % LANES);
+        let v = &mut reflectors[step * stride..(step + 1) * stride];
+        v[..from].fill(packs::NONE);
+        v[from..].copy_from_slice(&own[from..]);
+        v[from][..lane].fill(0.0);
+        let v = &mut v[from..];
+        diagonal.push(reflector_of(v, lane));
+        for &col in &order[step + 1..] {
+            let other = &mut factor[col * stride + from..(col + 1) * stride];
+            let (left, known) = (&mut left[col], &mut known[col]);
+            packs::add_multiple(-packs::product(v, other), v, other);
+            let entry = other[0][lane];
+            *left -= entry * entry;
             if *left <= SURE * *known {
-                *left = dot_in_lanes(&other[step + 1..], &other[step + 1..]);
+                let below = &other.as_flattened()[lane + 1..];
+                *left = dot_in_lanes(below, below);
                 *known = *left;
             }
         }

@@ -125,25 +125,35 @@ impl Frame {
         // Blocks that are held do not follow the velocities that their rows come to touch.
         self.owners.clear();
         self.owners.resize(nv, NOBODY);
-        // Sums of magnitudes are zero where everything is.
-        for block in 0..blocks.len() {
-            self.sums_of.clear();
-            self.sums_of.resize(nv, 0.0);
-            for &row in blocks.of(block) {
-                let column = &parts.whitened[row * nv..(row + 1) * nv];
-                self.sums_of.iter_mut().zip(column).for_each(|(sum, entry)| *sum += entry.abs());
-            }
-            for (owner, sum) in self.owners.iter_mut().zip(&self.sums_of) {
-                *owner = if *sum == 0.0 { *owner } else { block };
-            }
-        }
+        self.sums_of.resize(nv, 0.0);
         self.sums.clear();
         self.sums.resize(nv, packs::NONE);
-        for pack in self.whitened.chunks_exact(nv) {
-            for (sum, entry) in self.sums.iter_mut().zip(pack) {
-                add_scaled(1.0, &entry.map(f64::abs), sum);
-            }
-        }
+        self.squares.clear();
+        let Self { owners, sums_of, sums, whitened, squares, .. } = self;
+        widest(
+            #[inline(always)]
+            || {
+                // Sums of magnitudes are zero where everything is.
+                for block in 0..blocks.len() {
+                    sums_of.fill(0.0);
+                    for &row in blocks.of(block) {
+                        let column = &parts.whitened[row * nv..(row + 1) * nv];
+                        for (sum, entry) in sums_of.iter_mut().zip(column) {
+                            *sum += entry.abs();
+                        }
+                    }
+                    for (owner, sum) in owners.iter_mut().zip(&*sums_of) {
+                        *owner = if *sum == 0.0 { *owner } else { block };
+                    }
+                }
+                for pack in whitened.chunks_exact(nv) {
+                    sums.iter_mut().zip(pack).for_each(|(sum, entry)| *sum = packs::either(sum, entry));
+                }
+                for column in parts.whitened.chunks_exact(nv) {
+                    squares.push(dot_in_lanes(column, column));
+                }
+            },
+        );
         self.touched.clear();
         self.loose.clear();
         for (velocity, sum) in self.sums.iter().enumerate() {
@@ -157,8 +167,6 @@ impl Frame {
         if self.bases.len() < blocks.len() {
             self.bases.resize_with(blocks.len(), Basis::default);
         }
-        self.squares.clear();
-        self.squares.extend(parts.whitened.chunks_exact(nv).map(|column| dot_in_lanes(column, column)));
         self.firsts.clear();
         let (mut first, mut square) = (0, 0.0_f64);
         for &block in &self.touched {
@@ -192,26 +200,52 @@ impl Frame {
     #[allow(clippy::inline_always)]
     #[inline(always)]
     fn reduce_packs(&mut self, start: &[f64], aref: &[f64]) {
-        let (nv, size) = (start.len(), self.size);
         self.has_immobile = false;
-        for pack in 0..packs_of(self.count) {
+        let count = packs_of(self.count);
+        for pack in (0..count).step_by(4) {
+            match count - pack {
+                1 => self.reduce_some::<1>(pack, start, aref),
+                2 => self.reduce_some::<2>(pack, start, aref),
+                3 => self.reduce_some::<3>(pack, start, aref),
+                _ => self.reduce_some::<4>(pack, start, aref),
+            }
+        }
+    }
+
+    /// The same of N packs, which share the way through the frame.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    fn reduce_some<const N: usize>(&mut self, first_pack: usize, start: &[f64], aref: &[f64]) {
+        let (nv, size) = (start.len(), self.size);
+        let mut held = [packs::NONE; N];
+        for (&block, &first) in self.touched.iter().zip(&self.firsts) {
+            let basis = &mut self.bases[block];
+            self.part.clear();
+            for &velocity in &basis.velocities {
+                let of = |pack| self.whitened[(first_pack + pack) * nv + velocity];
+                self.part.extend_from_slice(&std::array::from_fn::<_, N, _>(of));
+            }
+            if self.part.iter().all(packs::is_zero) {
+                continue;
+            }
+            let part: &mut [[Pack; N]] = self.part.as_chunks_mut().0;
+            let offsets = basis.take_rows(part);
+            held.iter_mut().zip(&offsets).for_each(|(held, offset)| add_scaled(1.0, offset, held));
+            let left = &part[part.len() - basis.free()..];
+            for pack in 0..N {
+                let rows = &mut self.rows[(first_pack + pack) * size + first..][..left.len()];
+                rows.iter_mut().zip(left).for_each(|(row, left)| *row = left[pack]);
+            }
+        }
+        for (pack, held) in (first_pack..).zip(&held) {
             let (given, whitened) = (&self.given[pack * nv..][..nv], &self.whitened[pack * nv..][..nv]);
             let rows = &mut self.rows[pack * size..][..size];
-            let (mut offsets, mut terms) = (packs::NONE, packs::NONE);
+            let (mut offsets, mut terms) = (*held, packs::NONE);
             for (entry, start) in given.iter().zip(start) {
                 for lane in 0..LANES {
                     let product = entry[lane] * start;
                     offsets[lane] += product;
                     terms[lane] += product.abs();
-                }
-            }
-            for (&block, &first) in self.touched.iter().zip(&self.firsts) {
-                let basis = &mut self.bases[block];
-                self.part.clear();
-                self.part.extend(basis.velocities.iter().map(|&velocity| whitened[velocity]));
-                if !self.part.iter().all(packs::is_zero) {
-                    let held = basis.take_rows(&mut self.part, &mut rows[first..first + basis.free()]);
-                    add_scaled(1.0, &held, &mut offsets);
                 }
             }
             let last = size - self.loose.len();

@@ -61,6 +61,12 @@ impl InequalityStep<'_> {
     /// # Errors
     /// [`Error::Shape`], [`Error::NonFinite`], [`Error::Range`].
     pub fn check(&self, nv: usize) -> Result<(), Error> {
+        self.check_beside_jacobian(nv)?;
+        check_finite("inequality jacobian", self.jacobian)
+    }
+
+    /// The same but for the entries of J.
+    pub(super) fn check_beside_jacobian(&self, nv: usize) -> Result<(), Error> {
         let m = self.aref.len();
         check_len("inequality jacobian", self.jacobian.len(), &[m, nv])?;
         check_len("stiffness", self.stiffness.len(), &[m])?;
@@ -74,7 +80,6 @@ impl InequalityStep<'_> {
             }
         }
         check_len("rows of the groups", self.groups.iter().map(Group::rows).sum(), &[m])?;
-        check_finite("inequality jacobian", self.jacobian)?;
         check_finite("inequality aref", self.aref)?;
         check_finite("stiffness", self.stiffness)?;
         if let Some(index) = self.stiffness.iter().position(|&value| value <= 0.0) {

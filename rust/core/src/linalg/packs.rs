@@ -1,6 +1,8 @@
 //! Vectors of four rows side by side, entry by entry: what is done to each of many short rows is done to four at once. Eight were
 //! tried: beside few rows half of them are nobody's.
 
+use std::hint::black_box;
+
 use crate::linalg::kernels::widest;
 
 /// Rows side by side.
@@ -21,34 +23,43 @@ pub(crate) const fn packs_of(rows: usize) -> usize {
 #[allow(clippy::inline_always)]
 #[inline(always)]
 pub(crate) fn add_scaled(factor: f64, x: &Pack, sum: &mut Pack) {
-    for (sum, x) in sum.iter_mut().zip(x) {
-        *sum += factor * x;
-    }
+    // All of them before any is written: so the compiler sees vectors.
+    *sum = std::array::from_fn(|lane| sum[lane] + factor * x[lane]);
 }
 
 /// sum += x · y of every row.
 #[allow(clippy::inline_always)]
 #[inline(always)]
 pub(crate) fn add_product(x: &Pack, y: &Pack, sum: &mut Pack) {
-    for (sum, (x, y)) in sum.iter_mut().zip(x.iter().zip(y)) {
-        *sum += x * y;
-    }
+    *sum = std::array::from_fn(|lane| sum[lane] + x[lane] * y[lane]);
 }
 
-/// Σ xᵢ yᵢ of every row.
+/// Σ xᵢ yᵢ of every row of some packs.
 #[allow(clippy::inline_always)]
 #[inline(always)]
-pub(crate) fn dots(x: &[Pack], y: &[f64]) -> Pack {
-    let mut sums = [NONE; 2];
+pub(crate) fn dots<const N: usize>(x: &[[Pack; N]], y: &[f64]) -> [Pack; N] {
+    let mut sums = [[NONE; N]; 2];
     let (pairs, factors) = (x.as_chunks::<2>(), y.as_chunks::<2>());
     for (pair, factors) in pairs.0.iter().zip(factors.0) {
-        add_scaled(factors[0], &pair[0], &mut sums[0]);
-        add_scaled(factors[1], &pair[1], &mut sums[1]);
+        for ((sums, pair), &factor) in sums.iter_mut().zip(pair).zip(factors) {
+            sums.iter_mut().zip(pair).for_each(|(sum, x)| add_scaled(factor, x, sum));
+        }
     }
     if let ([last], [factor]) = (pairs.1, factors.1) {
-        add_scaled(*factor, last, &mut sums[0]);
+        sums[0].iter_mut().zip(last).for_each(|(sum, x)| add_scaled(*factor, x, sum));
     }
-    std::array::from_fn(|lane| sums[0][lane] + sums[1][lane])
+    let [mut sum, others] = sums;
+    sum.iter_mut().zip(&others).for_each(|(sum, other)| add_scaled(1.0, other, sum));
+    sum
+}
+
+/// Σ xᵢ yᵢ over all rows.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn product(x: &[Pack], y: &[Pack]) -> f64 {
+    let mut sum = NONE;
+    x.iter().zip(y).for_each(|(x, y)| add_product(x, y, &mut sum));
+    total(&sum)
 }
 
 /// Lengths of the rows.
@@ -69,40 +80,74 @@ pub(crate) fn total(x: &Pack) -> f64 {
     (x[0] + x[2]) + (x[1] + x[3])
 }
 
+/// x += factor · v, entry by entry.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn add_multiple(factor: f64, v: &[Pack], x: &mut [Pack]) {
+    for (x, v) in x.iter_mut().zip(v) {
+        add_scaled(factor, v, x);
+        as_packs();
+    }
+}
+
+/// A loop with this in it is left as it stands. Else compilers take several of its rounds at once, and packs apart for that.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn as_packs() {
+    black_box(());
+}
+
+/// Something that is not zero wherever one of two is not.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn either(x: &Pack, y: &Pack) -> Pack {
+    std::array::from_fn(|lane| f64::from_bits(x[lane].to_bits() | y[lane].to_bits()))
+}
+
 /// Whether all rows are zero.
 #[allow(clippy::inline_always)]
 #[inline(always)]
 pub(crate) fn is_zero(x: &Pack) -> bool {
-    x.iter().all(|&entry| entry == 0.0)
+    // But for the signs.
+    x.iter().fold(0, |bits, entry| bits | entry.to_bits()) << 1 == 0
 }
 
-/// x ← (E − v vᵀ) x of every row.
+/// x ← (E − v vᵀ) x of every row of some packs.
 #[allow(clippy::inline_always)]
 #[inline(always)]
-pub(crate) fn reflect(v: &[f64], x: &mut [Pack]) {
-    let along = dots(x, v);
-    for (x, factor) in x.iter_mut().zip(v) {
-        add_scaled(-factor, &along, x);
+pub(crate) fn reflect<const N: usize>(v: &[f64], x: &mut [[Pack; N]]) {
+    let mut along = [NONE; N];
+    for (x, &v) in x.iter().zip(v) {
+        along.iter_mut().zip(x).for_each(|(along, x)| add_scaled(v, x, along));
+    }
+    for (x, &v) in x.iter_mut().zip(v) {
+        x.iter_mut().zip(&along).for_each(|(x, along)| add_scaled(-v, along, x));
+        as_packs();
     }
 }
 
-/// The same by v and then by w, which is shorter by the first entry of v: entries are looked at once for both. `between` is the product
-/// of w and what v has beside it.
+/// The same by v and then by w: entries are looked at once for both. `between` is their product.
 #[allow(clippy::inline_always)]
 #[inline(always)]
-pub(crate) fn reflect_twice(v: &[f64], w: &[f64], between: f64, x: &mut [Pack]) {
-    let ([head, v @ ..], [first, x @ ..]) = (v, x) else { return };
-    let (mut along, mut then) = (NONE, NONE);
-    add_scaled(*head, first, &mut along);
-    for ((x, &v), &w) in x.iter().zip(v).zip(w) {
-        add_scaled(v, x, &mut along);
-        add_scaled(w, x, &mut then);
+pub(crate) fn reflect_twice<const N: usize>(v: &[f64], w: &[f64], between: f64, x: &mut [[Pack; N]]) {
+    let count = x.len();
+    let (v, w) = (&v[..count], &w[..count]);
+    let (mut along, mut then) = ([NONE; N], [NONE; N]);
+    for k in 0..count {
+        for lane in 0..N {
+            add_scaled(v[k], &x[k][lane], &mut along[lane]);
+            add_scaled(w[k], &x[k][lane], &mut then[lane]);
+        }
     }
-    add_scaled(-between, &along, &mut then);
-    add_scaled(-head, &along, first);
-    for ((x, &v), &w) in x.iter_mut().zip(v).zip(w) {
-        add_scaled(-v, &along, x);
-        add_scaled(-w, &then, x);
+    for lane in 0..N {
+        add_scaled(-between, &along[lane], &mut then[lane]);
+    }
+    for k in 0..count {
+        for lane in 0..N {
+            add_scaled(-v[k], &along[lane], &mut x[k][lane]);
+            add_scaled(-w[k], &then[lane], &mut x[k][lane]);
+        }
+        as_packs();
     }
 }
 
@@ -130,7 +175,8 @@ pub(crate) fn multiply(rows: &[Pack], y: &[f64], x: &mut [f64]) {
         #[inline(always)]
         || {
             for (x, rows) in x.as_chunks_mut().0.iter_mut().zip(rows.chunks_exact(y.len())) {
-                add_scaled(1.0, &dots(rows, y), x);
+                let [sum] = dots(rows.as_chunks().0, y);
+                add_scaled(1.0, &sum, x);
             }
         },
     );
@@ -177,7 +223,7 @@ mod tests {
         for (row, entries) in rows.chunks_exact(width).enumerate() {
             let own = &packs[row / LANES * width..][..width];
             let expected: f64 = entries.iter().zip(y).map(|(a, b)| a * b).sum();
-            assert!((dots(own, &y)[row % LANES] - expected).abs() < 1e-13);
+            assert!((dots::<1>(own.as_chunks().0, &y)[0][row % LANES] - expected).abs() < 1e-13);
             assert!((product[row] - 1.0 - expected).abs() < 1e-13);
             assert!(entries.iter().zip(own).all(|(entry, pack)| pack[row % LANES] == *entry));
         }
@@ -191,7 +237,7 @@ mod tests {
             (0..3).map(|k| std::array::from_fn(|lane| (3 * lane + k) as f64 - 4.5)).collect();
         let before = norms(&x);
         // ‖v‖² = 2.
-        reflect(&[0.6, -0.8, 1.0], &mut x);
+        reflect::<1>(&[0.6, -0.8, 1.0], x.as_chunks_mut().0);
         for (before, after) in before.iter().zip(norms(&x)) {
             assert!((before - after).abs() < 1e-13, "{before}, {after}");
         }
@@ -203,10 +249,11 @@ mod tests {
         let mut x: Vec<Pack> =
             (0..4).map(|k| std::array::from_fn(|lane| (3 * lane + k) as f64 - 4.5)).collect();
         let mut expected = x.clone();
-        let (v, w) = ([0.6, -0.8, 1.0, 0.3], [0.9, 0.1, -0.7]);
-        reflect(&v, &mut expected);
-        reflect(&w, &mut expected[1..]);
-        reflect_twice(&v, &w, v[1] * w[0] + v[2] * w[1] + v[3] * w[2], &mut x);
+        let (v, w) = ([0.6, -0.8, 1.0, 0.3], [0.0, 0.9, 0.1, -0.7]);
+        reflect::<1>(&v, expected.as_chunks_mut().0);
+        reflect::<1>(&w[1..], expected[1..].as_chunks_mut().0);
+        let between = v[1] * w[1] + v[2] * w[2] + v[3] * w[3];
+        reflect_twice::<1>(&v, &w, between, x.as_chunks_mut().0);
         for (got, expected) in x.as_flattened().iter().zip(expected.as_flattened()) {
             assert!((got - expected).abs() < 1e-13, "{got}, not {expected}");
         }

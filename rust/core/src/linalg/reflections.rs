@@ -1,6 +1,7 @@
 //! Householder's reflections and Jacobi's rotations of small matrices, which are flat; sizes are checked by the callers.
 
 use crate::linalg::kernels::{axpy, dot_in_lanes, norm};
+use crate::linalg::packs::{self, Pack};
 
 /// Rotations stop where rows are orthogonal to this, relative to their lengths.
 const ORTHOGONAL: f64 = 1e-15;
@@ -22,6 +23,24 @@ pub(crate) fn reflector(v: &mut [f64]) -> f64 {
     let scale = (-result * v[0]).sqrt().recip();
     for entry in v {
         *entry *= scale;
+    }
+    result
+}
+
+/// The same of packs that begin with zeros, as many as `lane`.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+pub(crate) fn reflector_of(v: &mut [Pack], lane: usize) -> f64 {
+    let length = packs::product(v, v).sqrt();
+    if length == 0.0 {
+        return 0.0;
+    }
+    let first = v[0][lane];
+    let result = if first > 0.0 { -length } else { length };
+    v[0][lane] = first - result;
+    let scale = (-result * (first - result)).sqrt().recip();
+    for entry in v {
+        *entry = entry.map(|entry| entry * scale);
     }
     result
 }
