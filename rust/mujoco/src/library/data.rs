@@ -448,6 +448,13 @@ impl Data {
         unsafe { array(self.rows.law.cast(), self.ne()) }
     }
 
+    /// Accelerations that MuJoCo asks of all rows, and their D = 1/R, nefc.
+    #[must_use]
+    pub fn laws(&self) -> (&[f64], &[f64]) {
+        // SAFETY: as for the other rows.
+        unsafe { (array(self.rows.aref, self.nefc()), array(self.rows.stiffness, self.nefc())) }
+    }
+
     /// MuJoCo's multipliers, nefc.
     #[must_use]
     pub fn force(&self) -> &[f64] {

@@ -74,6 +74,24 @@ impl Jacobian {
 }
 
 impl Data {
+    /// Columns and entries of every row of J (nefc) of a model whose Jacobian is sparse, after constraints were made.
+    pub(super) fn sparse_rows(&self) -> impl Iterator<Item = (&[c_int], &[f64])> {
+        let (all, count) = (self.nefc(), size(self.rows.njacobian));
+        // SAFETY: rows of nefc, columns and entries of nJ.
+        let (lengths, starts, columns, values) = unsafe {
+            (
+                array(self.rows.rownnz, all),
+                array(self.rows.rowadr, all),
+                array(self.rows.colind, count),
+                array(self.rows.jacobian, count),
+            )
+        };
+        lengths.iter().zip(starts).map(move |(&length, &start)| {
+            let range = size(start.into())..size(start.into()) + size(length.into());
+            (&columns[range.clone()], &values[range])
+        })
+    }
+
     /// The equality rows of J (ne), as MuJoCo keeps them, at a state whose position stage is done.
     #[must_use]
     pub fn jacobian(&self) -> JacobianView<'_> {

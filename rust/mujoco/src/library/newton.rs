@@ -2,15 +2,20 @@
 //!
 //! The same as `oarlock.mechanics.newton`, which says where a sparse Newton errs.
 
+use std::ffi::c_int;
 use std::sync::Arc;
 
 use super::data::{Data, Stage};
+use super::size;
 use crate::error::Error;
 use crate::vectors::norm;
 
 /// Gradient that the rounding of a right factor leaves, relative to the forces that it is the sum of: 1e-15 to 2e-13 were
 /// seen, and of wrong ones 4e-7 and more.
 const ROUNDING: f64 = 1e-11;
+
+/// The same, relative to the terms of those forces: 1e-15 at most, and of wrong ones 9e-14 and more.
+const TERMS: f64 = 3e-14;
 
 impl Data {
     /// `mj_forward`. Where the model is [`doubted`](super::Model::doubted) and the answer is no minimum to rounding, once more
@@ -33,11 +38,42 @@ impl Data {
     }
 
     fn confirm(&mut self) -> Result<(), Error> {
-        if !self.model.is_doubted() || self.nefc() == 0 || self.gradient()? <= ROUNDING {
+        if !self.model.is_doubted() || self.nefc() == 0 || self.is_minimum()? {
             return Ok(());
         }
         self.model = Arc::new(self.model.dense()?);
         self.run(Stage::Forward)
+    }
+
+    /// Whether MuJoCo's answer here, of a sparse Jacobian, is the minimum that it is after, to rounding.
+    fn is_minimum(&mut self) -> Result<bool, Error> {
+        let left = self.gradient()?;
+        if left <= ROUNDING || left.is_nan() {
+            return Ok(left <= ROUNDING);
+        }
+        let (smooth, constraint) = (norm(self.qfrc_smooth()), norm(self.qfrc_constraint()));
+        Ok(left * (smooth + constraint) <= TERMS * (smooth + norm(&self.terms())))
+    }
+
+    /// |J|ᵀ D (|J| |a| + |aref|) of the rows that push: what Jᵀ λ is made of, for λ = D (aref − J a).
+    fn terms(&self) -> Vec<f64> {
+        let (aref, stiffness) = self.laws();
+        let mut terms = vec![0.0; self.model.nv()];
+        for (row, (columns, values)) in self.sparse_rows().enumerate() {
+            if self.force()[row] == 0.0 {
+                continue;
+            }
+            let place = |column: &c_int| size((*column).into());
+            let moved = columns
+                .iter()
+                .zip(values)
+                .map(|(column, value)| value.abs() * self.qacc()[place(column)].abs());
+            let push = (moved.fold(0.0, |sum, product| sum + product) + aref[row].abs()) * stiffness[row];
+            for (column, value) in columns.iter().zip(values) {
+                terms[place(column)] += value.abs() * push;
+            }
+        }
+        terms
     }
 
     /// How far MuJoCo's answer here is from the minimum that it is after: ‖M a − f − Jᵀ λ‖ over ‖f‖ + ‖Jᵀ λ‖.
