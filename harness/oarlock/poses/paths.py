@@ -6,6 +6,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from oarlock.base.vectors import crossed
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality
 
@@ -78,7 +79,7 @@ def _common_normal(model: mujoco.MjModel, data: mujoco.MjData, joints: list[int]
         if len(slides) < 2 or sizes[1] <= PARALLEL:
             return None  # a straight line is in many planes
         normal = directions[2]
-    tilts = np.linalg.norm(np.cross(hinges, normal), axis=1) if len(hinges) else np.zeros(0)
+    tilts = np.linalg.norm(crossed(normal, hinges.T), axis=0) if len(hinges) else np.zeros(0)
     if tilts.max(initial=0.0) > PARALLEL or np.abs(slides @ normal).max(initial=0.0) > PARALLEL:
         return None
     largest = int(np.abs(normal).argmax())

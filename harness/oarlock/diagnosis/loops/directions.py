@@ -62,6 +62,8 @@ def told(bases: list[np.ndarray], idle: int, frames: dict[str, list[np.ndarray]]
     """
     counts = [basis.shape[1] for basis in bases]
     free = max(counts)
+    if free == 0:
+        return Directions(max(0, 3 - idle), 0, idle, next(iter(frames)), bases[0], 0.0, 0.0)
     at = [index for index, count in enumerate(counts) if count == free]
     found: list[tuple[str, float, np.ndarray]] = []
     for name, orientations in frames.items():

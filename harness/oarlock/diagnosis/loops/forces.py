@@ -17,6 +17,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from oarlock.base.vectors import crossed
 from oarlock.mechanics.coupled import coupled, coupled_ids
 from oarlock.mechanics.names import Equality
 from oarlock.poses.assembly import Assembly, anchors
@@ -35,7 +36,7 @@ class BodyWrench(NamedTuple):
 
     def about(self, point: np.ndarray) -> np.ndarray:
         """Force and torque about another point, (6, rows)."""
-        return np.vstack([self.force, self.torque + np.cross(self.point - point, self.force, axisb=0, axisc=0)])
+        return np.vstack([self.force, self.torque + crossed(self.point - point, self.force)])
 
 
 def body_wrenches(assembly: Assembly, number: int) -> list[BodyWrench]:

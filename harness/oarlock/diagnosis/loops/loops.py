@@ -9,9 +9,9 @@ from oarlock.diagnosis.loops.rank import (
     FLOOR,
     ZERO_ROW,
     Spectrum,
+    block_scales,
     circuits,
     null_basis,
-    row_scales,
     spectrum,
     zero_rows,
 )
@@ -256,20 +256,19 @@ def scaled_rows(assembly: Assembly, jacobian: np.ndarray) -> tuple[np.ndarray, n
     zero = zero_rows(jacobian) if len(jacobian) else np.zeros(0, dtype=bool)
     whitened = assembly.whitened(jacobian)
     whitened[zero] = 0.0
-    scales = row_scales(whitened, assembly.blocks)
-    scales[zero] = 0.0
+    scales = block_scales(np.linalg.norm(whitened, axis=1), assembly.blocks)
     return scales[:, None] * whitened, scales
 
 
 def scales_along(assembly: Assembly, qpos: np.ndarray) -> np.ndarray:
     """Scales (n) of the rows that serve a whole motion (T, nq), 0 of rows that never hold anything."""
     some = qpos[np.unique(np.linspace(0, len(qpos) - 1, SCALED).astype(int))]
-    stack = assembly.whitened_along(some)
-    lengths = np.linalg.norm(stack, axis=-1).max(axis=0, initial=0.0)
-    stack[:, lengths <= ZERO_ROW * lengths.max(initial=0.0)] = 0.0
-    scales = row_scales(stack, assembly.blocks)
-    scales[~stack.any(axis=(0, 2))] = 0.0
-    return scales
+    lengths = np.zeros(len(assembly.rows))
+    for pose in some:
+        assembly.place(pose)
+        np.maximum(lengths, np.linalg.norm(assembly.whitened(assembly.jacobian()), axis=1), out=lengths)
+    lengths[lengths <= ZERO_ROW * lengths.max(initial=0.0)] = 0.0
+    return block_scales(lengths, assembly.blocks)
 
 
 def _rank_of_part(part: np.ndarray) -> int:

@@ -84,13 +84,12 @@ def zero_rows(jacobian: np.ndarray) -> np.ndarray:
     return sizes <= ZERO_ROW * sizes.max(axis=-1, initial=0.0, keepdims=True)
 
 
-def row_scales(whitened: np.ndarray, blocks: list[slice]) -> np.ndarray:
-    """Factors (n) that make the largest row of every block 1 long in J H^T (…, n, nv), over all poses given."""
-    lengths = np.linalg.norm(whitened, axis=-1)
-    scales = np.zeros(whitened.shape[-2])
+def block_scales(lengths: np.ndarray, blocks: list[slice]) -> np.ndarray:
+    """Factors (n) that make the longest row of every block 1 long, from the lengths (n) of J H^T; 0 of zero rows."""
+    scales = np.zeros(len(lengths))
     for block in blocks:
-        longest = lengths[..., block].max(initial=0.0)
-        scales[block] = 1.0 / longest if longest > 0 else 0.0
+        longest = lengths[block].max(initial=0.0)
+        scales[block] = np.where(lengths[block] > 0.0, 1.0 / longest if longest > 0.0 else 0.0, 0.0)
     return scales
 
 

@@ -23,6 +23,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from oarlock.base.vectors import crossed
 from oarlock.cases.case_file import Reactions
 from oarlock.diagnosis.loops.directions import WORLD, Directions, told
 from oarlock.diagnosis.loops.forces import BodyWrench, body_wrenches
@@ -235,7 +236,7 @@ def _free_basis(assembly: Assembly, loops: Loops, every: list[list[BodyWrench]],
 
 def _range(vectors: np.ndarray, scale: float = 1.0) -> np.ndarray:
     """Orthonormal basis (3, m) of the range of vectors (3, k), given per unit multiplier."""
-    if not vectors.size:
+    if not vectors.any():
         return np.zeros((3, 0))
     if vectors.shape[1] > WIDE:
         squares, directions = np.linalg.eigh(vectors @ vectors.T)
@@ -322,7 +323,7 @@ def _joint_looks(
         joints = range(int(model.body_jntadr[body]), int(model.body_jntadr[body] + model.body_jntnum[body]))
         anchor = data.xanchor[joints[0]]
         through = carried[body].copy()
-        through[3:] -= np.cross(anchor, through[:3], axisb=0, axisc=0)
+        through[3:] -= crossed(anchor, through[:3])
         bodies = body, int(model.body_parentid[body])
         axes = [(kind, data.xaxis[joint]) for joint in joints if (kind := _free_axis(model, data, joint, anchor))]
         moves = {kind: [axis for other, axis in axes if other == kind] for kind in ("slide", "hinge")}

@@ -19,7 +19,7 @@ from oarlock.mechanics.folding import ALIKE, Folded, fold
 from oarlock.mechanics.names import Equality
 from oarlock.poses.assembly import Assembly
 
-_CHUNK = 1 << 21
+_CHUNK = 1 << 20
 """Numbers of J that are held at once."""
 
 

@@ -131,7 +131,7 @@ def record_exact(
         InputError: no equality row, or one whose J̇v is not known.
     """
     own, start = own_copy(model), Start(qpos, qvel, act)
-    own.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    own.opt.jacobian = mujoco.mjtJacobian.mjJAC_AUTO  # MuJoCo's solver is not asked
     asked, note = integrator_of(model), ""
     stuck = model.na and not asked.takes_activations
     if stuck or not asked.runs:
@@ -179,7 +179,9 @@ def _record(
     driven = drive(own, laws, parts)
     prepared = Prepared(own, driven, data.qpos.copy(), data.qvel.copy(), parts * steps, act=start.act)
     path = fitting_path(prepared, Baumgarte())
-    (table,), ending = path.free(SOLVER, "hard", TRACKED, judged=False)
+    # What a quasi-Newton method tracks is dense.
+    projector = SOLVER if mujoco.mj_isSparse(own) else TRACKED
+    (table,), ending = path.free(SOLVER, "hard", projector, judged=False)
     rows = _Rows(own, layout, steps, driven)
     for chunk in table.chunks(("step", *_FIGURES)):
         rows.take(chunk.filter(pl.col("step") % parts == 0))

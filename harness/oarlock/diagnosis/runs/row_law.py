@@ -34,6 +34,7 @@ from oarlock.base.errors import InputError
 from oarlock.diagnosis.loops.gaps import widest
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.mechanics.engine_version import lacks_curvature
+from oarlock.mechanics.folding import fold
 from oarlock.mechanics.inertia import whiten
 from oarlock.mechanics.rows import closing_jacobian
 from oarlock.stepping.closing import close
@@ -354,9 +355,10 @@ def _accelerations(attribution: Attribution, instants: np.ndarray | None) -> Acc
         _place(recording, data, step)
         mujoco.mj_fwdPosition(recording.model, data)
         whitened, unwhiten = whitened_rows(recording.model, data)
-        left, sizes, right = np.linalg.svd(whitened, full_matrices=False)
+        folded = fold(whitened)
+        left, sizes, right = np.linalg.svd(folded.rows, full_matrices=False)
         count = min(int(rank), int((sizes > 0.0).sum()))
-        wanted = attribution.acceleration[:, step, recording.present[step]]
+        wanted = folded.gather(attribution.acceleration[:, step, recording.present[step]].T).T
         change = (wanted @ left[:, :count] / sizes[:count]) @ right[:count]
         parts[:, place] = change @ unwhiten.T
     exact = recording.qacc[instants] - parts.sum(axis=0)
