@@ -7,6 +7,8 @@ from oarlock import InputError
 from oarlock.bench.steps import BARE, CONTACTS, EXACT, PROJECTED, RUNS, Track, bench_stepping
 from oarlock.cli.app import main
 from oarlock.stepping import native_path
+from oarlock.stepping.python_path import PythonPath
+from oarlock.stepping.solvers import SolverSpec
 
 
 def test_everyone_takes_part():
@@ -33,6 +35,35 @@ def test_a_step_with_contacts_is_timed_beside_mj_step_at_its_default_tolerance(m
     (table,) = bench_stepping([model], rounds=1, steps=5, names=(BARE, EXACT, PROJECTED))
     assert [row["name"] for row in table] == [BARE, EXACT, PROJECTED]
     assert Track(model, 5).model.opt.tolerance == 1e-8
+
+
+class Watched:
+    """A solver, with how many others its answers took."""
+
+    def __init__(self, own):
+        self._own, self.fallbacks = own, []
+
+    def __getattr__(self, name):
+        return getattr(self._own, name)
+
+    def solve_system(self, *given):
+        answer = self._own.solve_system(*given)
+        self.fallbacks.append(answer[1].fallbacks)
+        return answer
+
+
+def test_a_tower_whose_tendons_come_open_stays_with_the_sparse_factor():
+    """From the 59th step on what is dropped has come near the shift that the first step chose."""
+    track, made = Track("tensegrity:cells=20", 80), []
+
+    def make(spec: SolverSpec) -> Watched:
+        made.append(Watched(track.solver(spec.name)))
+        return made[-1]
+
+    PythonPath(track.prepared(), track.terms, make).free(SolverSpec("auto"), "hard", None, judged=False)
+    fallbacks = [count for one in made for count in one.fallbacks]
+    assert len(fallbacks) >= 80
+    assert not any(fallbacks)
 
 
 def test_without_the_native_path_there_is_nothing_to_time(monkeypatch):

@@ -170,14 +170,18 @@ impl SparseFactor for Primal {
             self.gap = self.gap.filter(|_| self.scaled_for == sparse.plan);
             (self.scaled_for, self.age) = (sparse.plan, 0);
         }
-        let open = is_open(problem.blocks, problem.rhs.len());
-        let rank = if open { self.find_rank_between(problem.blocks)? } else { self.find_rank(problem)? };
-        self.target.copy_from_slice(problem.rhs);
-        if open {
-            self.leave_out_beforehand(problem.rhs)?;
+        if !is_open(problem.blocks, problem.rhs.len()) {
+            let rank = self.find_rank(problem)?;
+            self.target.copy_from_slice(problem.rhs);
+            let info = self.refine(problem.rhs, x, false)?;
+            return Some(Info { rank: Some(rank), ..info });
         }
-        let info = self.refine(problem.rhs, x, open)?;
-        Some(Info { rank: Some(rank), ..info })
+        self.solve_open(problem, x).or_else(|| {
+            // What is dropped may have come near τ since its place was found.
+            let gap = self.gap.as_mut().filter(|gap| gap.age > 0)?;
+            gap.age = GAP_AGE;
+            self.solve_open(problem, x)
+        })
     }
 
     fn forget(&mut self) {
@@ -458,6 +462,15 @@ impl Primal {
     /// Whether as many eigenvalues as are expected exceed a part of the largest.
     fn counts(&mut self, part: f64) -> bool {
         self.count(part).is_some() && self.positive == self.expected
+    }
+
+    /// x = A⁺ b of rows that stand open, with the rank that is held.
+    fn solve_open(&mut self, problem: &Problem<'_>, x: &mut [f64]) -> Option<Info> {
+        let rank = self.find_rank_between(problem.blocks)?;
+        self.target.copy_from_slice(problem.rhs);
+        self.leave_out_beforehand(problem.rhs)?;
+        let info = self.refine(problem.rhs, x, true)?;
+        Some(Info { rank: Some(rank), ..info })
     }
 
     /// Takes what no x can reach out of b, until next to nothing of x comes of what is left of it.
