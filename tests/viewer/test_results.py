@@ -181,7 +181,7 @@ def test_bad_folders_are_one_line(own, tmp_path, oarlock_here):
     for arguments, said in (
         (("empty",), "folder 'empty' holds no case.toml"),
         (("wrong",), "'wrong' does not hold what 'oarlock run --out'"),
-        (("alone",), "'alone' has no run of MuJoCo's own motion"),
+        (("alone",), "'alone' has no run that MuJoCo walks"),
         (("damaged",), "is not what was written with 'summary.json' (checksum)"),
         (("several",), "'several' holds results of several cases, expected one of several/one"),
         (("kept", "--duration", "1"), "duration beside 'kept', which is shown as it was run"),

@@ -51,7 +51,10 @@ def begin(model_or_file: str, options: CheckOptions) -> Examination:
         begins = beginning_of_log(log)
         found.qpos, found.qvel, found.act = begins.qpos, begins.qvel, begins.act
         found.begins, found.laws, found.driven = begins.begins, begins.laws, begins.driven
-        found.steps = min(found.steps, len(log)) if options.duration else len(log)
+        if options.duration and found.steps > len(log):
+            most = len(log) * model.opt.timestep
+            raise InputError(f"duration = {options.duration:g} s, expected at most {most:g} s: the {log} end")
+        found.steps = found.steps if options.duration else len(log)
     elif options.motion.controller is not None:
         start = (found.qpos, found.qvel, found.act)
         found.laws, found.driven = commanded(model, start, options.motion.controller, found.steps)

@@ -54,6 +54,8 @@ POSES = 60
 """So many poses of the motion at most are looked at for unique reactions."""
 
 MOVED = "it is not looked for where a mocap body moves"
+
+ASTRAY = "the steps of the log are not those of this model (R3)"
 """Why a part is missing: what it is measured by takes a closed pose for closed at any time."""
 
 LAGS = (
@@ -123,7 +125,7 @@ def _run(found: Examination) -> None:
         found.recording = record(*own, act=found.act, states=given)
     astray = found.recording.astray if found.recording is not None else ""
     if astray:
-        found.missing["exact"] = found.missing["remedy"] = astray
+        found.missing["exact"] = found.missing["remedy"] = ASTRAY
     elif found.closed:
         with _Reason(found, "exact"):
             model, pose = _exact_model(found), found.pose
@@ -200,8 +202,8 @@ def _causes(found: Examination) -> None:
     if found.moved:
         found.missing["causes"] = LAGS
         return
-    if astray := found.recording.astray:
-        found.missing["causes"] = astray
+    if found.recording.astray:
+        found.missing["causes"] = ASTRAY
         return
     if found.recording.end.how == "diverged":
         with _Reason(found, "gains"):
@@ -275,7 +277,7 @@ def _remedy(found: Examination) -> None:
     if not found.closed or found.pose is None:
         found.missing["remedy"] = "there is no closed start to try settings from"
     elif found.options.budget <= 0:
-        found.missing["remedy"] = "it was not asked for"
+        found.missing["remedy"] = "a budget of 0 asks for none"
     elif found.recording is not None:
         start = Start(found.pose.qpos, found.pose.qvel, found.act)
         with _Reason(found, "remedy"):

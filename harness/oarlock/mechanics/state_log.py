@@ -79,6 +79,18 @@ class StateLog:
             }
             self.laws = Laws(dict.fromkeys(read, str(self)), logs=read, held=True)
 
+    @property
+    def uncontrolled(self) -> int:
+        """How many actuators the model has, where the log has no controls of them."""
+        return 0 if self.laws else self.ctrl.shape[1]
+
+    @property
+    def driven(self) -> str:
+        """By what it is, in words."""
+        if self.laws:
+            return "the controls of the log"
+        return f"no controls: the log has no '{_CTRL}'" if self.uncontrolled else "no controls"
+
     def __len__(self) -> int:
         return len(self._time)
 

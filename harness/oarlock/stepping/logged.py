@@ -21,7 +21,7 @@ def beginning_of_log(log: StateLog) -> Beginning:
         key=None,
         begins=f"the {log}",
         laws=log.laws,
-        driven="the controls of the log" if log.laws else "no controls",
+        driven=log.driven,
     )
 
 

@@ -148,8 +148,8 @@ class Stepper:
             Positions (data, steps, nq) and velocities (data, steps, nv) at the end of every step.
 
         Raises:
-            InputError: as ``step``, with the number of the data; a data that is there twice, or ``control`` of another
-                shape.
+            InputError: as ``step``, with the number of the data, while the others are at their ends; a data that is
+                there twice, or ``control`` of another shape.
         """
         data = list(data)
         for index, one in enumerate(data):

@@ -87,7 +87,10 @@ def _own(folder: Path, rows: list[dict[str, Any]], integrator: str) -> dict[str,
     ]
     if not found:
         names = few([row["run"] for row in rows]) or "none"
-        raise InputError(f"'{folder}' has no run of MuJoCo's own motion, expected one among its runs ({names})")
+        raise InputError(
+            f"'{folder}' has no run that MuJoCo walks, expected one among its runs: a free one, a matched "
+            f"lockstep or a calibration ({names})"
+        )
     return min(found, key=lambda one: one[:3])[3]
 
 

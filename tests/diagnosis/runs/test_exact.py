@@ -66,6 +66,19 @@ DRIVEN = f"""
 </mujoco>"""
 
 
+def test_whole_steps_of_a_higher_order_do_where_they_come_as_close():
+    model = mujoco.MjModel.from_xml_string(DRIVEN.replace("GEAR", "-100"))
+    data = mujoco.MjData(model)
+    run = record_exact(model, data.qpos, data.qvel, {"m": "1.0"}, 300)
+    assert (run.integrator, run.note) == ("rk4", "in place of euler, which is too far off")
+    assert 0 < run.error.max() < 1e-5
+    assert run.drift[:, 0].max() < 1e-12
+    model.opt.timestep *= 0.1
+    finer = record_exact(model, data.qpos, data.qvel, {"m": "1.0"}, 3000)
+    # The crank turns back at a speed that its motor gives it, and what is off there is told by both.
+    assert np.abs(run.qpos - finer.qpos[::10]).max() < 2.0 * (run.error.max() + finer.error.max())
+
+
 @pytest.mark.parametrize(("gear", "why"), [("-800", "was lost at t = 0.0"), ("-200", "is too far off")])
 def test_a_motor_that_drives_a_crank_into_its_dead_point_is_followed_by_finer_steps(gear, why):
     """Stretched out, coupler and rocker make a triangle with crank and frame: the crank turns no farther."""

@@ -36,8 +36,10 @@ def test_forces_that_the_log_does_not_have_leave_the_causes_open(tmp_path):
     checked = oarlock.check(XML, states=saved(tmp_path, rows), budget=1)
     exam = checked.examination
     assert exam.attribution is exam.exact is exam.recipe is None
-    assert "misses the next one by up to" in exam.missing["causes"]
+    assert exam.missing["causes"] == "the steps of the log are not those of this model (R3)"
     (finding,) = [one for one in checked.verdict if one.code == "R3"]
+    assert "misses the next one by up to" in finding.line
+    assert ": forces that the log does not have, another model, or too few digits" in finding.line
     assert finding.severity == "warning"
     assert finding.figures["strayed"] == exam.recording.strayed
     model = mujoco.MjModel.from_xml_string(XML)
@@ -165,3 +167,21 @@ def test_a_fix_is_not_tried_beside_a_log(tmp_path):
     checked = oarlock.check(XML, states=saved(tmp_path, logged()), budget=0)
     with pytest.raises(InputError, match=r"expected no log of states"):
         checked.fix(tmp_path / "fixed.xml")
+
+
+def test_controls_that_the_log_lacks_are_named(tmp_path):
+    """The motor moved what was logged: the model has it, and the log not what it was told."""
+    rows = logged()
+    del rows["ctrl"]
+    checked = oarlock.check(XML, states=saved(tmp_path, rows), budget=0)
+    assert checked.examination.driven == "no controls: the log has no 'ctrl'"
+    (finding,) = [one for one in checked.verdict if one.code == "R3"]
+    assert "it has no 'ctrl', and the model has 1 actuator" in finding.line
+
+
+def test_a_duration_beyond_the_log_is_refused(tmp_path):
+    path, timestep = saved(tmp_path, logged()), mujoco.MjModel.from_xml_string(XML).opt.timestep
+    part = oarlock.check(XML, states=path, duration=0.5 * STEPS * timestep, budget=0)
+    assert part.examination.recording.steps == STEPS // 2
+    with pytest.raises(InputError, match=rf"duration = 5 s, expected at most {STEPS * timestep:g} s: the states '"):
+        oarlock.check(XML, states=path, duration=5.0, budget=0)

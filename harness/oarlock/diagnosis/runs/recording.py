@@ -78,6 +78,7 @@ class Recording:
         beside: equalities whose reactions those leave open, at the last state in which any pushed.
         warnings: MuJoCo's own, with how often they came.
         strayed: of a log of states, how far a step of this model from a row was from the next row at most, rad or m.
+        uncontrolled: actuators of the model, where such a log has no controls.
     """
 
     model: mujoco.MjModel
@@ -116,6 +117,7 @@ class Recording:
     warnings: dict[str, int]
     strayed: float
     end: End
+    uncontrolled: int = 0
 
     @property
     def holds_force(self) -> bool:
@@ -128,9 +130,14 @@ class Recording:
         largest = float(self.drift.max(initial=0.0))
         if self.strayed <= ASTRAY * largest:
             return ""
+        missing = (
+            f"it has no 'ctrl', and the model has {self.uncontrolled} actuator(s); or other forces that it lacks"
+            if self.uncontrolled
+            else "forces that the log does not have"
+        )
         return (
             f"a step of this model from a row of the log misses the next one by up to {self.strayed:.2g}, for a drift "
-            f"of {largest:.2g}: forces that the log does not have, another model, or too few digits"
+            f"of {largest:.2g}: {missing}, another model, or too few digits"
         )
 
     @property
@@ -309,6 +316,7 @@ class _Recorder:
             warnings=warnings_of(data),
             strayed=max(logged.strayed, default=0.0) if logged else 0.0,
             end=end,
+            uncontrolled=states.uncontrolled if states else 0,
         )
 
     def _take(self, step: int) -> None:

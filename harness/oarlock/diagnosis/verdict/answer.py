@@ -10,7 +10,7 @@ from oarlock.diagnosis.runs.drifts import VISIBLE, Drift
 from oarlock.diagnosis.runs.recipe import Recipe
 from oarlock.diagnosis.runs.solving import Solving
 from oarlock.diagnosis.verdict.blame import behind, held, with_armature
-from oarlock.diagnosis.verdict.cost import metres, named
+from oarlock.diagnosis.verdict.cost import named, widest
 from oarlock.diagnosis.verdict.findings import Finding, worst_first
 from oarlock.diagnosis.verdict.motions import stands
 
@@ -72,7 +72,7 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
     bad = [one for one in ordered if one.severity != "note" and one.code not in ("D7", "T3", "T5")]
     if exam.options.lint:
         return _own(bad[0]) if bad else "Nothing is wrong that can be seen without a run."
-    worst = _worst(exam)
+    worst = widest(exam)
     if worst is None:
         return _own(ordered[0]) if ordered else "Nothing is known of its loops."
     holds = worst.largest <= exam.target
@@ -124,11 +124,6 @@ def _own(finding: Finding) -> str:
         return finding.line
     colon = "" if finding.line.startswith(_PREDICATES) else ":"
     return f"{quoted(finding.element)}{colon} {finding.line}"
-
-
-def _worst(exam: Examination) -> Drift | None:
-    positions = [one for one in exam.drifts if one.level == "position"]
-    return max(positions, key=lambda one: metres(exam, one.metres, one.radians), default=None)
 
 
 def _cause(worst: Drift, bad: Sequence[Finding]) -> Finding:

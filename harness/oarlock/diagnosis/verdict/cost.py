@@ -8,7 +8,10 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from oarlock.diagnosis.examined import Examination
+from oarlock.diagnosis.runs.drifts import Drift
 from oarlock.diagnosis.verdict.findings import Finding
 
 _DRIFT = ("D1", "D2", "D3", "D4", "D5")
@@ -100,6 +103,12 @@ def named(finding: Finding) -> set[str]:
 def metres(exam: Examination, distance: float | None, angle: float | None) -> float:
     """Of a distance (m) and an angle (rad) the one that moves more at the ends of the loops, m."""
     return max(distance or 0.0, exam.size * (angle or 0.0))
+
+
+def widest(exam: Examination) -> Drift | None:
+    """The equality that opens furthest in MuJoCo's run, by what moves at the ends of the loops; None without a run."""
+    positions = [one for one in exam.drifts if one.level == "position"]
+    return max(positions, key=lambda one: np.nan_to_num(metres(exam, one.metres, one.radians)), default=None)
 
 
 def _drift(exam: Examination, finding: Finding) -> float:

@@ -1,13 +1,12 @@
 """The drift: how far every equality opens in the run, beside the exact solution."""
 
-import numpy as np
-
 from oarlock.base.numbers import figure
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.page.blocks import Chapter, Table
 from oarlock.diagnosis.page.chapters.words import lower, measured, why_not
 from oarlock.diagnosis.runs.drifts import LEVELS, Drift
+from oarlock.diagnosis.verdict.cost import widest
 
 UNITS = {"position": ("m", "rad"), "velocity": ("m/s", "rad/s"), "acceleration": ("m/s²", "rad/s²")}
 
@@ -18,9 +17,8 @@ def drift(exam: Examination) -> Chapter:
     if exam.recording is None:
         chapter.say(why_not(exam, "run"))
         return chapter
-    positions = [one for one in exam.drifts if one.level == "position"]
-    if positions:
-        worst = max(positions, key=lambda one: np.nan_to_num(one.largest))
+    worst = widest(exam)
+    if worst is not None:
         chapter.say(f"MuJoCo as configured; the worst: {quoted(worst.equality)} opens by {worst.at}.")
     end = exam.recording.end
     if end.how != "finished":
