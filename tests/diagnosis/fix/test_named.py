@@ -79,6 +79,36 @@ def test_beside_a_ratio_of_another_mechanism_no_settings_are_written(tmp_path):
     assert any("would only hide what is wrong" in said for said in fix.left_out)
 
 
+RACKS = """<mujoco><option timestep="0.002" gravity="0 0 0"/><default><geom contype="0" conaffinity="0" mass="0.1"/>
+    <equality solref="0.005 1"/></default><worldbody>
+  <body><joint name="pinion" axis="0 1 0" damping="0.02" armature="0.01"/><geom size="0.02"/></body>
+  <body pos="0.05 0 0"><joint name="east" type="slide" axis="1 0 0" range="0 0.03" limited="true" damping="1"/>
+    <geom size="0.01"/></body>
+  <body pos="-0.05 0 0"><joint name="west" type="slide" axis="-1 0 0" range="0 0.03" limited="true" damping="1"/>
+    <geom size="0.01"/></body></worldbody>
+  <equality><joint name="rack_e" joint1="east" joint2="pinion" polycoef="0 {ratio} 0 0 0"/>
+    <joint name="rack_w" joint1="west" joint2="pinion" polycoef="0 {ratio} 0 0 0"/></equality>
+  <actuator><position joint="pinion" kp="3" kv="0.3"/></actuator><keyframe><key ctrl="2"/></keyframe></mujoco>"""
+
+
+def test_ratios_in_millimetres_are_written_together_though_the_start_is_closed(tmp_path):
+    """One alone would contradict the other. In plain MuJoCo the pinion then turns, and both racks go out."""
+    file = tmp_path / "racks.xml"
+    file.write_text(RACKS.format(ratio=12))
+    checked = oarlock.check(file)
+    assert {one.element for one in checked.verdict if one.code == "A2"} == {"rack_e", "rack_w"}
+    fix = checked.fix(tmp_path / "fixed.xml")
+    assert fix.reached
+    assert not fix.by_hand
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "fixed.xml"))
+    np.testing.assert_allclose(model.eq_data[:, :5], [[0.0, 0.012, 0.0, 0.0, 0.0]] * 2)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(data.qpos, [2.0, 0.024, 0.024], rtol=0.05)
+
+
 def test_a_constant_in_degrees_is_written_in_radians_and_the_pose_stays_near(tmp_path):
     file = tmp_path / "m.xml"
     file.write_text(WHEELS.format(polycoef="30 -3"))

@@ -130,5 +130,5 @@ def _unmended(one: Finding, stiffer: bool) -> str:
             f"stiffer equalities push the limit of {called('joint', joint)} ({one.figures['limit']:.4g}) in, and do "
             f"not mend it: widen the range of {quoted(joint)} to {one.figures['wanted']:.4g}"
         )
-    why = "stiffer equalities hide it" if stiffer else "it is hidden"
-    return f"{why}, and no change mends it; as the file was: {one.line}"
+    why = "stiffer equalities hide it, and do not mend it" if stiffer else "it is hidden, and not mended"
+    return f"{why}; as the file was: {one.line}"

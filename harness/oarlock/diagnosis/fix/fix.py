@@ -30,6 +30,7 @@ from oarlock.diagnosis.fix.claims import MENDED, claims, hidden, in_words, mende
 from oarlock.diagnosis.fix.search import choose_changes, described, take_settings_out
 from oarlock.diagnosis.fix.words import drifts, opens, overrun, overruns
 from oarlock.diagnosis.runs.trials import Setting, Start, Trial
+from oarlock.diagnosis.verdict.answer import unsettled
 from oarlock.diagnosis.verdict.findings import Finding
 from oarlock.diagnosis.verdict.verdicts import judge
 
@@ -95,7 +96,10 @@ class Fix:
         begins: where the fixed file's own check starts, in words.
         mended: codes of errors and warnings that were there before, and are not any more.
         left: errors and warnings of the fixed file's own check, as ``oarlock check`` gives them.
-        reason: what stands in the way, in a sentence; empty where the target is reached and all claims are kept.
+        by_hand: what its own check puts first and no settings mend: its code, name and element, and what is said of
+            it; empty where there is none.
+        reason: what stands in the way, in a sentence; empty where the target is reached, all claims are kept and
+            nothing is left that comes first.
         elsewhere_reason: the same of random controls.
     """
 
@@ -112,18 +116,19 @@ class Fix:
     begins: str
     mended: tuple[str, ...]
     left: tuple[Finding, ...]
+    by_hand: tuple[str, str] | tuple[()]
     reason: str
     elsewhere_reason: str = ""
 
     @property
     def reached(self) -> bool:
-        """Whether the file holds the target under the user's controls, and no warning is left that it was to mend."""
+        """Whether the file holds the target under the user's controls, and nothing is left that comes before that."""
         return not self.reason
 
     def told(self) -> Iterator[str]:
         """The fix in words, line by line."""
         if not self.changes:
-            why = "nothing that was tried helps" if not self.reached else "no change mends what is left"
+            why = "nothing that was tried helps" if not self.reached else "nothing that was tried mends what is left"
             yield f"{why if self.left or not self.reached else 'nothing to fix'}: {self.file} is the model as it was"
         for one in self.changes:
             yield f"changed  {one}"
@@ -138,8 +143,11 @@ class Fix:
         for finding in self.left:
             of = f"{finding.element}: " if finding.element else ""
             yield f"left  {finding.severity} {finding.code} {finding.name}  {of}{finding.line}"
+        if self.by_hand:
+            yield "not fixed  {}, by hand: {}".format(*self.by_hand)
         if codes := dict.fromkeys(one.code for one in self.left if one.code not in MENDED):
-            yield f"left to you, for no change mends it: see {few([f'`oarlock explain {code}`' for code in codes])}"
+            explained = few([f"`oarlock explain {code}`" for code in codes])
+            yield f"left to you, for nothing is written for it: see {explained}"
         for said in filter(None, (self.reason, self.elsewhere_reason)):
             yield f"not reached  {said}"
         for path in self.written[:-1]:
@@ -182,6 +190,7 @@ class Fix:
             "begins": self.begins,
             "mended": list(self.mended),
             "left": [finding.document() for finding in self.left],
+            "by_hand": list(self.by_hand),
             "reached": self.reached,
             "reason": self.reason,
             "elsewhere_reason": self.elsewhere_reason,
@@ -228,6 +237,8 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
     start, setting = Start(again.exam.qpos, again.exam.qvel, again.exam.act, "file"), Setting.authored(again.exam.model)
     after = bench.run_model(again.exam.model, setting, start)
     elsewhere = tuple(bench.run_model(again.exam.model, setting, start, seed) for seed in bench.seeds)
+    first = unsettled(again.exam, again.found)
+    by_hand = (in_words([first[0]]), first[1]) if first is not None else ()
     return Fix(
         file=out,
         written=tuple(again.written),
@@ -242,7 +253,8 @@ def fix_model(exam: Examination, findings: Sequence[Finding], out: Path) -> Fix:
         begins=again.exam.begins,
         mended=mended(findings, choice.changes, again.found),
         left=again.left,
-        reason=_reason(bench, choice, after, again.left),
+        by_hand=by_hand,
+        reason=_reason(bench, choice, after, again.left) or (f"{by_hand[0]} is left to you" if by_hand else ""),
         elsewhere_reason=_elsewhere(bench.target, elsewhere),
     )
 

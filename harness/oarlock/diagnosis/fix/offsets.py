@@ -10,7 +10,9 @@ word, and the pose is moved, unless one of these speaks against the constant:
        the constant that closes the start as it is given.
 
 Before all of them: where another keyframe meets it as it is written, the start is what is off. Before the last: where
-another coupling with the same polycoef holds at the start. No constant is taken with which the run opens further.
+another coupling with the same polycoef holds at the start. No constant is taken with which the run opens further;
+of what A2 names, with which it opens more than ``NAMED`` times as far. A ratio in another unit is closed where both
+joints are at zero, and is written anew all the same.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,7 +28,7 @@ from oarlock.diagnosis.edit.changes import Coefficients, Constants
 from oarlock.diagnosis.edit.copy import require_room
 from oarlock.diagnosis.edit.keyframe import source_key
 from oarlock.diagnosis.fix.bench import Bench
-from oarlock.diagnosis.fix.candidates import UNMET, Offset, closes_inside, run_closed
+from oarlock.diagnosis.fix.candidates import NAMED, UNMET, Offset, closes_inside, run_closed
 from oarlock.diagnosis.fix.words import drifts
 from oarlock.diagnosis.lint.opened import ROUNDED
 from oarlock.mechanics.coupled import coupled, coupled_ids
@@ -43,6 +45,9 @@ APART = 0.1
 HALF = 0.5
 """Of a drift: a constant has to leave less, where the closed pose opens again. As of a remedy of S4."""
 
+UNIT = "it was written in another unit, or from another zero (A2)"
+"""What a finding names."""
+
 WRITTEN = 1e-12
 """m or rad: so near to a constant the shortest number is written. A closed start promises no more."""
 
@@ -58,7 +63,10 @@ def choose_offsets(bench: Bench) -> tuple[list[Offset], list[str]]:
         return taken, said
     start = _Start(bench)
     decided = [(one, *start.written(one)) for one in start.couplings()]
+    taken += (together := _named_together(bench, start, [each for each in decided if each[2] == UNIT]))
     for one, polycoef, for_it, against in sorted(decided, key=lambda each: not each[2]):  # what is sure first
+        if any(each.change.equality == one.index for each in together):
+            continue
         offset = Offset(one, start.polycoef(one), Coefficients(one.index, polycoef), for_it)
         try:
             require_room(bench.base.path, offset.change)
@@ -68,10 +76,26 @@ def choose_offsets(bench: Bench) -> tuple[list[Offset], list[str]]:
         if not against:
             for_it, against = _tried(bench, [each.change for each in taken], offset, start.holds_alike(one))
         if against:
-            said.append(f"{offset}, which would close the start: {against}")
+            said.append(f"{offset}, which {'would close the start' if start.opens(one) else 'A2 names'}: {against}")
         else:
             taken.append(replace(offset, why=for_it))
     return taken, said
+
+
+def _named_together(
+    bench: Bench, start: "_Start", named: Sequence[tuple[Equality, tuple[float, ...], str, str]]
+) -> list[Offset]:
+    """What A2 names of several couplings, where they hold together: one alone contradicts the others."""
+    offsets = [Offset(one, start.polycoef(one), Coefficients(one.index, new), why) for one, new, why, _ in named]
+    if len(offsets) < 2:
+        return []
+    try:
+        for one in offsets:
+            require_room(bench.base.path, one.change)
+    except InputError:
+        return []
+    kept, moved = run_closed(bench, [one.change for one in offsets]), run_closed(bench, [])
+    return offsets if kept.drift <= max(bench.target, NAMED * moved.drift) else []
 
 
 class _Start:
@@ -85,10 +109,16 @@ class _Start:
         self._own = self._seen(self._exam.qpos)
 
     def couplings(self) -> Iterator[Equality]:
-        """Joint and tendon equalities that are open by more than rounding."""
+        """Joint and tendon equalities that are open by more than rounding, or written in another unit."""
         for one in self._assembly.equalities:
-            if one.kind.holds in ("joints", "tendons") and abs(self._own.off[one.index]) > ROUNDED:
+            if one.kind.holds not in ("joints", "tendons"):
+                continue
+            if self.opens(one) or self._in_another_unit(one, self.polycoef(one)) is not None:
                 yield one
+
+    def opens(self, one: Equality) -> bool:
+        """Whether it is open at the start by more than rounding."""
+        return abs(self._own.off[one.index]) > ROUNDED
 
     def polycoef(self, one: Equality) -> tuple[float, ...]:
         """As it is written."""
@@ -97,6 +127,8 @@ class _Start:
     def written(self, one: Equality) -> tuple[tuple[float, ...], str, str]:
         """The polynomial that closes a coupling, what the file says for it, and against it."""
         off, given = self._own.off[one.index], self.polycoef(one)
+        if not self.opens(one) and (unit := self._in_another_unit(one, given)) is not None:
+            return unit
         wanted = (_short(given[0] + off), *given[1:])
         met, alike = list[str](), list[str]()
         for name, seen in self._elsewhere.items():
@@ -127,7 +159,7 @@ class _Start:
             if remark.code == "A2" and remark.element == one.name and "wanted" in remark.figures:
                 wanted = np.atleast_1d(remark.figures["wanted"]).tolist()
                 polycoef = tuple(map(_short, wanted)) if len(wanted) > 1 else (_short(wanted[0]), *given[1:])
-                return polycoef, "it was written in another unit, or from another zero (A2)", ""
+                return polycoef, UNIT, ""
         return None
 
     # Keyframes.
@@ -187,7 +219,7 @@ def _tried(bench: Bench, taken: Sequence[Constants], offset: Offset, alike: str)
         if moved.drift <= bench.target or kept.drift >= HALF * moved.drift:
             return "", held
         why = f"from the closed pose it is pulled open again (S4): {held}"
-    if kept.drift > max(bench.target, moved.drift):
+    if kept.drift > max(bench.target, (NAMED if why == UNIT else 1.0) * moved.drift):
         return "", held
     return why, ""
 

@@ -263,11 +263,14 @@ def _of_lengths(view: View) -> Iterator[Remark]:
         reach = _way(view, ids[0])
         if slope > STEEP * reach and slope / MM <= reach:
             names = [element_name(model, JOINT, joint) for joint in ids]
+            meant = model.eq_data[one.index, :5] / MM
+            if abs(model.eq_data[one.index, 0]) <= reach:
+                meant[0] = model.eq_data[one.index, 0]
             said = (
                 f"polycoef moves the slide '{names[0]}' by {slope:g} m per rad of '{names[1]}', and has {reach:.3g} m "
-                f"to go: mm were meant? {float(model.eq_data[one.index, 1]) / MM:.6g}"
+                f"to go: mm were meant? {meant[1]:.6g}"
             )
-            yield Remark("A2", said, one.name, figures={"also": [], "wanted": float(model.eq_data[one.index, 1]) / MM})
+            yield Remark("A2", said, one.name, figures={"also": [], "wanted": meant.tolist()})
 
 
 def _of_keyframes(view: View) -> Iterator[Remark]:

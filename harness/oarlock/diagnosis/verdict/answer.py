@@ -95,7 +95,7 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
         stopped = because and exam.behind is not None and exam.behind.wanted is not None
         return said if stopped or why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
     if holds and stands(exam):
-        if (single := next((one for one in ordered if one.line.startswith("names no joint2")), None)) is not None:
+        if (single := _single(ordered)) is not None:
             return _own(single)
         return (
             "Nothing of its loops moves in this run, so that how they hold is not seen: give it a start with a "
@@ -109,6 +109,18 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
             f"rad and less than what is seen{_mended(exam)}"
         )
     return f"{_opens(worst)}{_mended(exam)}"
+
+
+def _single(findings: Sequence[Finding]) -> Finding | None:
+    """A coupling that holds one joint alone: a note, and why nothing moves."""
+    return next((one for one in findings if one.line.startswith("names no joint2")), None)
+
+
+def unsettled(exam: Examination, findings: Sequence[Finding]) -> tuple[Finding, str] | None:
+    """What the answer is of, where no settings mend it, with what is said of it; None: the answer is of the drift."""
+    said, ordered = answer(exam, findings), worst_first(findings)
+    beyond = [one for one in ordered if one.code in BEYOND and (one.severity != "note" or one is _single(ordered))]
+    return next(((one, said) for one in beyond if said.startswith(_own(one))), None)
 
 
 def _load(exam: Examination, code: str) -> str:

@@ -20,7 +20,7 @@ def fixed(fix: Mapping[str, Any]) -> Chapter:
     chapter = Chapter("fixed", "What the fix changed", 7)
     lines = fix["lines"]
     if not fix["changes"]:
-        chapter.say(f"{fix['file']} is the model as it was: no change helps.")
+        chapter.say(f"{fix['file']} is the model as it was: nothing that was tried helps.")
     else:
         chapter.say(f"{fix['file']} is the model with these changes; the rest of the text is as it was.")
     if fix["mended"]:
