@@ -37,6 +37,7 @@ from oarlock.diagnosis.runs.stability import EqualityStability
 from oarlock.diagnosis.runs.stopped import Stopped
 from oarlock.diagnosis.runs.stuck import Stuck
 from oarlock.diagnosis.runs.targets import Target
+from oarlock.diagnosis.runs.throttled import Throttled
 from oarlock.diagnosis.runs.trials import Made
 from oarlock.diagnosis.runs.undriven import Undriven
 from oarlock.diagnosis.runs.without import Without
@@ -83,6 +84,7 @@ class Examination:
         overdriven: servos that pull a loop apart which has not so much freedom.
         stuck: servos that something holds short of where they are told to be.
         missed: servos that do not come to where they are told; clipped: controls beyond their range.
+        throttled: joints whose own range cuts what drives them.
         undriven: loops with more freedom than drives.
         leverless: actuators without a lever at the start.
         slips: objects that a gripper lets go.
@@ -135,6 +137,7 @@ class Examination:
     overdriven: tuple[Overdriven, ...] = ()
     stuck: tuple[Stuck, ...] = ()
     missed: tuple[Missed, ...] = ()
+    throttled: tuple[Throttled, ...] = ()
     clipped: tuple[Clipped, ...] = ()
     undriven: tuple[Undriven, ...] = ()
     leverless: tuple[Leverless, ...] = ()

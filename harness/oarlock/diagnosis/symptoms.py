@@ -20,6 +20,7 @@ from oarlock.diagnosis.runs.parted import Parted, find_all_parted
 from oarlock.diagnosis.runs.recording import Recording, record
 from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.diagnosis.runs.targets import find_targets
+from oarlock.diagnosis.runs.throttled import find_throttled
 from oarlock.diagnosis.runs.undriven import Coupling
 from oarlock.mechanics import controls
 from oarlock.mechanics.flexes import flex_equalities
@@ -41,6 +42,8 @@ def missed(found: Examination) -> None:
     names |= {name for one in found.pose.mobility if one.locked for name in one.equalities}
     said = {one.group for one in found.stuck}
     said |= {number for number, group in enumerate(loops.groups) if not names.isdisjoint(group.equalities)}
+    found.throttled = tuple(one for one in find_throttled(found.recording, loops, found.size) if one.group not in said)
+    said |= {one.group for one in found.throttled}
     found.missed = find_missed(found.recording, loops, found.size, said)
 
 

@@ -69,3 +69,48 @@ def test_a_control_beyond_its_range_is_named_with_a_range_that_admits_it(tmp_pat
 
 def test_a_control_within_its_range_is_not_named(tmp_path):
     assert of("A10", bars(given='ctrlrange="-0.5 0.5"'), tmp_path)[0] is None
+
+
+# A range of the joint that cuts what drives it, and what all joints have.
+
+
+def cut(bound: float | None, drive: str = "") -> str:
+    text = bars(load=1.0, kp=100.0, kv=5.0, told=0.0)
+    if bound is not None:
+        text = text.replace('name="crank"/>', f'name="crank" actuatorfrcrange="{-bound:g} {bound:g}"/>')
+    return text.replace('<position name="servo" joint="crank" kp="100.0" kv="5.0" />', drive) if drive else text
+
+
+def test_a_range_of_a_joint_that_cuts_its_servo_is_named_though_the_servo_gives_all(tmp_path):
+    one, answer = of("A9", cut(0.3), tmp_path)
+    assert one.element == "servo"
+    assert one.figures["given"] == pytest.approx(-0.3)
+    assert 'actuatorfrcrange="-0.3 0.3"' in answer
+    assert answer.startswith("'servo': asks for ")
+    assert abs(ends(cut(0.3))) > 0.3
+    assert abs(ends(cut(None))) < 0.1
+    assert one.figures["without"] < 0.1
+
+
+def test_the_same_of_a_motor(tmp_path):
+    motor = '<motor name="servo" joint="crank" gear="4"/>'
+    text = cut(0.2, motor).replace('ctrl="0.0"', 'ctrl="-0.5"')
+    one, answer = of("A9", text, tmp_path)
+    assert (one.figures["asked"], one.figures["given"]) == pytest.approx((-2.0, -0.2))
+    assert "gets up to" in answer
+
+
+def test_a_range_of_a_joint_that_suffices_is_not_named(tmp_path):
+    assert of("A9", cut(5.0), tmp_path)[0] is None
+
+
+def every(damping: float, armature: float) -> str:
+    return bars(told=0.4).replace('damping="0.03"', f'damping="{damping:g}" armature="{armature:g}"')
+
+
+def test_what_all_joints_have_from_their_class_is_named_together(tmp_path):
+    one, answer = of("A9", every(8.0, 1.0), tmp_path)
+    assert one.element == "servo"
+    assert "joints of its loops have together, damping (8 each)" in answer
+    assert abs(ends(every(8.0, 1.0)) - 0.4) > 0.15
+    assert ends(every(0.08, 0.01)) == pytest.approx(one.figures["without"], abs=0.05)

@@ -14,7 +14,7 @@ import numpy as np
 from oarlock.diagnosis.loops.loops import Loops
 from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.rerun import rerun
-from oarlock.diagnosis.runs.suspects import Suspect, drives, run_without, suspects
+from oarlock.diagnosis.runs.suspects import Suspect, alike, drives, run_without, suspects
 from oarlock.mechanics import controls
 from oarlock.mechanics.names import element_name
 from oarlock.mechanics.servos import Servo, servos
@@ -33,6 +33,9 @@ STRONGER = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 
 NEAR = 0.25
 """Of what it misses: a stronger servo is to leave no more."""
+
+HALF = 0.5
+"""Of what one thing taken away leaves: two are named where they leave less."""
 
 LAST = 0.2
 """Of the run, at its end: over that it is told the same, and its place is a mean."""
@@ -192,6 +195,8 @@ def _explained(recording: Recording, one: Missed, dofs: list[int]) -> Missed:
         there = float(np.mean(again.qpos[first:, address]))
         if abs(one.told - there) < best:
             best, suspect, without = abs(one.told - there), each, there
+    if suspect is None:
+        suspect, without = _together(recording, one, dofs, best)
     full, own = None, copy.deepcopy(model)
     limit = np.abs(model.actuator_forcerange[index]).max() if model.actuator_forcelimited[index] else math.inf
     if recording.driven[index] >= 0.99 * limit:
@@ -221,3 +226,22 @@ def _explained(recording: Recording, one: Missed, dofs: list[int]) -> Missed:
         stronger,
         full,
     )
+
+
+def _together(recording: Recording, one: Missed, dofs: list[int], best: float) -> tuple[Suspect | None, float | None]:
+    """What all joints of the loops have alike, as of a default class: none of them alone is in the way.
+
+    Armature is lessened and not taken away, for a run without any may not stay finite. Both are named where they
+    leave less than half of what one of them does.
+    """
+    address, first = recording.model.jnt_qposadr[one.servo.joint], int((1.0 - LAST) * recording.steps)
+    suspect, without = None, None
+    for fields in (("damping",), ("armature",), ("damping", "armature")):
+        made = alike(recording.model, dofs, fields)
+        again = run_without(recording, made) if made is not None else None
+        if again is None:
+            continue
+        there = float(np.mean(again.qpos[first:, address]))
+        if abs(one.told - there) < (best if suspect is None else HALF * best):
+            best, suspect, without = abs(one.told - there), made, there
+    return suspect, without

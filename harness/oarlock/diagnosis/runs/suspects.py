@@ -38,6 +38,9 @@ FINEST = 64
 ROUNDS = 1e-9
 """Relative, of a timestep."""
 
+LESSENED = 0.01
+"""Times what several joints have together, damping or armature, in place of none: without any a run may blow up."""
+
 SCALES = (1.0, 5.0, 20.0)
 """torquescales that are tried where one is below 1."""
 
@@ -155,6 +158,28 @@ def _softness(model: mujoco.MjModel, own: Iterable[Equality]) -> Iterator[Suspec
             for scale in SCALES:
                 tried = f'with torquescale="{scale:g}"'
                 yield Suspect("scale", one.name, said, _evenly(one.index, scale), tried=tried)
+
+
+def alike(model: mujoco.MjModel, dofs: Iterable[int], fields: tuple[str, ...]) -> Suspect | None:
+    """The damping, the armature or both of all joints with some degrees of freedom; None: fewer than two have one."""
+    dofs, said, places = sorted(set(dofs)), [], list[list[int]]()
+    for field in fields:
+        values = getattr(model, f"dof_{field}").reshape(model.nv, -1)[:, 0]
+        having = [dof for dof in dofs if values[dof] > 0.0]
+        if len(having) < 2:
+            return None
+        low, high = min(values[having]), max(values[having])
+        said.append(f"{field} ({low:g}" + (f" to {high:g})" if high > low else " each)"))
+        places.append(having)
+    joints = {int(model.dof_jntid[dof]) for having in places for dof in having}
+
+    def lessened(copied: mujoco.MjModel) -> None:
+        for field, having in zip(fields, places, strict=True):
+            getattr(copied, f"dof_{field}").reshape(model.nv, -1)[having] *= LESSENED
+        mujoco.mj_setConst(copied, mujoco.MjData(copied))
+
+    of = f"what {len(joints)} joints of its loops have together, {few(said, last='and')},"
+    return Suspect("damper", "", of, lessened, tried=f"with {LESSENED:g} times that")
 
 
 def _fitted(timestep_s: float) -> Callable[[mujoco.MjModel], None]:

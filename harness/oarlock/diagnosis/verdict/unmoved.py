@@ -194,7 +194,8 @@ def missed(exam: Examination) -> Iterator[Finding]:
         said += one.unit
         said += f" with all of its {one.full:.3g} {effort}" if one.full is not None else f" with kp {one.given:g}"
         if one.suspect is not None:
-            said += f": {one.suspect.said} holds it, and without that it comes to {one.without or 0.0:.3g} {one.unit}"
+            tried = "without that" if one.suspect.tried == "without it" else one.suspect.tried
+            said += f": {one.suspect.said} holds it, and {tried} it comes to {one.without or 0.0:.3g} {one.unit}"
         if one.kp is not None:
             wide = "a wider forcerange" if one.full is not None else ""
             more = f"kp {one.kp:.3g}" if one.kp > one.given else ""
@@ -210,6 +211,36 @@ def missed(exam: Examination) -> Iterator[Finding]:
             "kp": one.kp,
         }
         yield found("A9", exam.file, said, element=one.servo.name, **figures)
+
+
+def throttled(exam: Examination) -> Iterator[Finding]:
+    """A9: of joints whose actuatorfrcrange cuts what drives them."""
+    for one in exam.throttled:
+        low, high = one.range
+        effort = "N" if one.unit == "m" else "N m"
+        bound = high if one.asked > 0.0 else low
+        said = (
+            f"asks for {abs(one.asked):.4g} {effort} of {quoted(one.joint)}, and {abs(bound):.4g} {effort} arrive, for "
+            f'the actuatorfrcrange="{low:g} {high:g}" of that joint cuts it: '
+        )
+        if one.servo:
+            said += (
+                f"without it {quoted(one.joint)} is {one.without:.2g} {one.unit} off as a mean in place of "
+                f"{one.misses:.2g} {one.unit}"
+            )
+        else:
+            said += f"without it {quoted(one.joint)} gets up to {one.without:.2g} {one.unit} away from where it goes"
+        names = exam.pose.loops.groups[one.group].equalities if exam.pose is not None else ()
+        figures = {
+            "loops": list(names),
+            "joint": one.joint,
+            "asked": one.asked,
+            "given": bound,
+            "short": one.misses if one.servo else one.without,
+            "without": one.without,
+            "unit": one.unit,
+        }
+        yield found("A9", exam.file, said, element=one.actuator, **figures)
 
 
 def slips(exam: Examination) -> Iterator[Finding]:

@@ -70,6 +70,7 @@ def judge(examination: Examination, fail_above: float | None = None) -> list[Fin
         unmoved.undriven,
         unmoved.leverless,
         unmoved.missed,
+        unmoved.throttled,
         unmoved.slips,
         unmoved.clipped,
         blame.drift,
