@@ -8,7 +8,7 @@ from dataclasses import replace
 import mujoco
 
 from oarlock.diagnosis.examined import Examination
-from oarlock.diagnosis.lint.locked import how_bad
+from oarlock.diagnosis.lint.locked import how_bad, lock
 from oarlock.diagnosis.lint.view import View
 from oarlock.diagnosis.runs.behind import find_behind, find_calmer
 from oarlock.diagnosis.runs.branch import alike, find_branch
@@ -27,6 +27,7 @@ from oarlock.mechanics.flexes import flex_equalities
 from oarlock.mechanics.given import COMPILED
 from oarlock.mechanics.load import as_asked, collected_warnings
 from oarlock.mechanics.names import equalities
+from oarlock.stepping.closing import CONSISTENT
 
 ROUNDS = 1e-9
 """Relative, of a timestep."""
@@ -114,11 +115,14 @@ def behind(found: Examination, recording: Recording) -> None:
     worst = max(positions, key=lambda one: one.largest, default=None)
     if worst is None or worst.largest <= max(found.target, VISIBLE) or found.pose is None or not found.closed:
         return
-    own = [loop for loop in found.pose.loops.loops if loop.name == worst.equality]
-    stuck = any(one.locked and worst.equality in one.equalities for one in found.pose.mobility)
-    if not found.pose.consistent or (stuck and how_bad(found.model, own, (), 0.0) is None):
+    own = [one for one in found.pose.mobility if one.locked and worst.equality in one.equalities]
+    if any(lock(found.model, found.pose, one) is None for one in own):
         return
-    found.behind = find_behind(recording, worst, found.pose.loops)
+    if not found.pose.consistent and not (own and max(one.largest for one in found.pose.openings) <= CONSISTENT):
+        return  # a push on what cannot move opens it by its softness, and is no start that is off
+    loops = [loop for loop in found.pose.loops.loops if any(loop.name in one.equalities for one in own)]
+    rigid = bool(own) and how_bad(found.model, loops, (), 0.0, True) is None
+    found.behind = find_behind(recording, worst, found.pose.loops, rigid)
     if found.pace is not None and found.pace.too_fast and found.pace.actuator >= 0:
         found.calmer = find_calmer(recording, worst, found.pace.actuator)
 

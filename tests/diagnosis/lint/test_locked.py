@@ -150,3 +150,90 @@ def test_what_is_driven_and_held_in_a_group_that_moves(pinned, driven, held):
 def test_a_coupling_to_a_constant_holds_on_purpose():
     text = CHAIN.format(pin='<joint name="brake" joint1="motor" polycoef="0 0 0 0 0"/>', driven="motor")
     assert "S3" not in {one.code for one in of_text(text)}
+
+
+# Structures: rigid on purpose, and not by a small error.
+
+TRUSS = """<mujoco><compiler angle="radian"/><option timestep="{h}" integrator="implicitfast"/>
+  <default><geom type="capsule" size="0.02" contype="0" conaffinity="0"/><joint axis="0 1 0" damping="0.2"/></default>
+  <worldbody>
+  <body name="left"><joint name="left"/><geom fromto="0 0 0 0.4 0 0.3" mass="0.5"/>
+    <geom type="sphere" pos="0.4 0 0.3" size="0.08" mass="60"/><site name="apex" pos="0.4 0 0.3"/></body>
+  <body name="right" pos="{foot} 0 0"><joint name="right"/><geom fromto="0 0 0 {back} 0 0.3" mass="0.5"/>
+    <site name="top" pos="{back} 0 0.3"/></body></worldbody>
+  <equality><connect name="peak" site1="apex" site2="top" {given}/></equality>{drive}</mujoco>"""
+
+
+def truss(foot=0.9, h=0.004, given="", drive="") -> str:
+    return TRUSS.format(foot=foot, back=0.4 - foot, h=h, given=given, drive=drive)
+
+
+def test_a_structure_that_nothing_drives_is_a_note_however_heavy_it_is():
+    one = only(of_text(truss()), "S3")
+    assert one.severity == "note"
+    assert one.figures["kept"] < 0.05  # in the metric of the masses
+
+
+def test_what_is_driven_is_to_move_and_is_a_warning():
+    one = only(of_text(truss(drive='<actuator><motor joint="left"/></actuator>')), "S3")
+    assert one.severity == "warning"
+
+
+def test_a_truss_that_is_nearly_flat_may_be_locked_by_a_small_error():
+    flat = truss().replace('0.3"', '0.003"')
+    assert only(of_text(flat), "S3").severity is None
+
+
+def test_the_floor_of_a_solref_comes_before_the_lock_where_it_opens_the_structure(tmp_path):
+    """In plain MuJoCo a shorter timestep alone takes nearly all of it away, the solref as it was."""
+    path = tmp_path / "truss.xml"
+    path.write_text(truss(given='solref="0.0002 1"'))
+    checked = oarlock.check(path, duration=1.0)
+    assert checked.verdict[0].code == "T4"
+    assert "is taken as 0.008" in checked.answer
+    assert only(checked.verdict, "S3").severity == "note"
+    fine = truss(h=0.0001, given='solref="0.0002 1"')
+    assert gap(fine, 1.0) < 0.01 * gap(path.read_text(), 1.0)
+    fix = checked.fix(tmp_path / "fixed.xml")
+    assert fix.reached
+    assert gap((tmp_path / "fixed.xml").read_text(), 1.0) < 0.01 * gap(path.read_text(), 1.0)
+
+
+def gap(text: str, duration_s: float) -> float:
+    """How far the sites of the first equality stand apart at the most in plain MuJoCo."""
+    most = 0.0
+    for _, data in runs(text, duration_s):
+        most = max(most, float(np.linalg.norm(data.site_xpos[0] - data.site_xpos[1])))
+    return most
+
+
+FRAME = """<mujoco><option timestep="0.001" integrator="implicitfast"/>
+  <default><geom type="box" density="1500" contype="0" conaffinity="0"/><joint axis="1 0 0" damping="0.3"/></default>
+  <worldbody>
+  <body name="near" pos="0 -0.3 0"><joint name="near"/><geom size="0.02 0.02 0.3" pos="0 0 0.3"/>
+    <site name="near" pos="0 0 0.6"/></body>
+  <body name="far" pos="0 0.3 0"><joint name="far"/><geom size="0.02 0.02 0.3" pos="0 0 0.3"/>
+    <site name="far" pos="0 0 0.6"/></body>
+  <body name="beam" pos="0 0 0.6"><freejoint/><geom size="0.02 0.3 0.02" mass="5"/>
+    <site name="one" pos="0 -0.3 0"/><site name="two" pos="0 0.3 0"/></body></worldbody>
+  <equality><weld name="first" site1="near" site2="one" torquescale="{scale}" solref="0.005 1"/>
+    <weld name="second" site1="far" site2="two" torquescale="{scale}" solref="0.005 1"/></equality>
+  <keyframe><key qpos="0 0 0 0 0.6 1 0 0 0" qvel="0.4 0.4 0 -0.24 0 0 0 0"/></keyframe></mujoco>"""
+
+
+def test_a_frame_whose_corners_give_way_is_laid_to_its_torquescale(tmp_path):
+    """And the push that shows it stays in the keyframe."""
+    path = tmp_path / "frame.xml"
+    path.write_text(FRAME.format(scale=0.001))
+    checked = oarlock.check(path, duration=1.0)
+    lock = only(checked.verdict, "S3")
+    assert lock.severity == "note"
+    assert "contradict" not in lock.line
+    assert 'torquescale="0.001"' in checked.answer
+    leans = [
+        max(abs(float(data.qpos[0])) for _, data in runs(FRAME.format(scale=scale), 1.0, 0)) for scale in (1e-3, 1)
+    ]
+    assert leans[1] < 0.05 * leans[0]
+    checked.fix(tmp_path / "fixed.xml")
+    fixed = mujoco.MjModel.from_xml_path(str(tmp_path / "fixed.xml"))
+    np.testing.assert_allclose(fixed.key_qvel[0, :2], [0.4, 0.4])

@@ -12,6 +12,7 @@ from oarlock.diagnosis.edit.keyframe import new_name, source_key
 from oarlock.diagnosis.examined import Examination
 from oarlock.diagnosis.fix.bench import Bench
 from oarlock.diagnosis.lint.collision import Collision
+from oarlock.diagnosis.lint.locked import lock
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.runs.parted import Parted
 from oarlock.diagnosis.runs.trials import Trial
@@ -104,7 +105,7 @@ def closed_keyframe(bench: Bench, changes: Sequence[Change] = ()) -> Keyframe | 
     if pose is None or not pose.closed:
         return None
     elsewhere = exam is not base and not (np.array_equal(exam.qpos, base.qpos) and np.array_equal(exam.qvel, base.qvel))
-    if (pose.consistent and not elsewhere) or _drawn_apart(exam, pose) or any(exchanged(exam)):
+    if (pose.consistent and not elsewhere) or _drawn_apart(exam, pose) or _pushed(exam, pose) or any(exchanged(exam)):
         return None
     key = source_key(base.model, base.options.keyframe)
     if key is not None:
@@ -117,6 +118,14 @@ def _drawn_apart(exam: Examination, pose: ClosedPose) -> bool:
     apart = {remark.element for remark in exam.remarks.get("drawn", [])}
     open_ = {one.equality for one in pose.openings if one.largest > CONSISTENT}
     return bool(open_) and open_ <= apart
+
+
+def _pushed(exam: Examination, pose: ClosedPose) -> bool:
+    """Whether a start is closed, and all that opens at it is a push on a structure, which shows its softness."""
+    if max((one.largest for one in pose.openings), default=0.0) > CONSISTENT:
+        return False
+    rigid = {name for one in pose.mobility if one.locked and lock(exam.model, pose, one) for name in one.equalities}
+    return bool(rigid) and {one.equality for one in pose.speeds if one.largest > CONSISTENT} <= rigid
 
 
 def closes_inside(bench: Bench, taken: Sequence[Constants], change: Constants) -> bool:

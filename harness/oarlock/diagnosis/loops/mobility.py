@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from oarlock.diagnosis.loops.loops import Loops, scaled_rows
-from oarlock.diagnosis.loops.rank import spectrum
+from oarlock.diagnosis.loops.rank import block_scales, spectrum
 from oarlock.diagnosis.loops.release import find_release
 from oarlock.mechanics.names import element_name
 from oarlock.poses.assembly import Assembly
@@ -59,6 +59,9 @@ class Mobility:
         moves: whether there are such poses: with False it is locked, whatever the rows say.
         kept: smallest singular value of its rank, of the largest: a mechanism that is locked because of a small error
             has a small one.
+        rigid: the same of the geometry alone, whatever the masses: the rows of each block to a longest one of length 1,
+            then every column to length 1.
+        dofs: degrees of freedom that the group takes hold of.
         frees: equalities without which it would have a degree of freedom.
         slide: along what the pin of the only one would have to slide for it to move, in words; empty: nothing of it.
     """
@@ -70,6 +73,8 @@ class Mobility:
     kept: float
     frees: tuple[str, ...]
     slide: str = ""
+    rigid: float = 0.0
+    dofs: tuple[int, ...] = ()
 
     @property
     def locked(self) -> bool:
@@ -101,9 +106,24 @@ def find_mobility(assembly: Assembly, loops: Loops) -> tuple[Mobility, ...]:
             freed |= {one for one in members if _moves_without(assembly, members, loops.dofs(number), one, pose)}
         frees = tuple(loops.loops[one].name for one in members if one in freed)
         slide = "" if moves or len(members) > 1 else find_release(assembly, members[0], loops.dofs(number), pose)
-        found.append(Mobility(group.equalities, group.dof, near, moves, group.spectrum.kept, frees, slide))
+        stiff = 0.0 if moves else rigidity(assembly, members, loops.dofs(number), pose)
+        shape = group.spectrum.kept, frees, slide, stiff, tuple(loops.dofs(number))
+        found.append(Mobility(group.equalities, group.dof, near, moves, *shape))
     assembly.place(pose)
     return tuple(found)
+
+
+def rigidity(assembly: Assembly, members: list[int], dofs: list[int], pose: np.ndarray) -> float:
+    """Smallest singular value of the rank of some equalities, of the largest, by their geometry alone.
+
+    A heavy link makes it small in the metric of the masses, and a torquescale in that of the rows.
+    """
+    assembly.place(pose)
+    jacobian = assembly.jacobian()
+    scales = block_scales(np.linalg.norm(jacobian, axis=1), assembly.blocks)
+    rows = (scales[:, None] * jacobian)[assembly.rows_of_all(members)][:, dofs]
+    lengths = np.linalg.norm(rows, axis=0)
+    return spectrum(np.linalg.svd(rows[:, lengths > 0.0] / lengths[lengths > 0.0], compute_uv=False)).kept
 
 
 def reached_from(assembly: Assembly, motions: np.ndarray, pose: np.ndarray) -> Iterator[np.ndarray]:

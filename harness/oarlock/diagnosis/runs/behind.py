@@ -49,6 +49,7 @@ FACTORS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 1e-3)
 """Of a suspect: the first with which a run stays finite, or opens by less than half, is told."""
 
 _ALWAYS = ("weight",)
+_RIGID = ("refsafe", "scale", "weight")
 
 
 @dataclass(frozen=True)
@@ -78,13 +79,15 @@ class Behind:
     armature: tuple[float, Opening] | None = None
 
 
-def find_behind(recording: Recording, worst: Drift, loops: Loops) -> Behind | None:
+def find_behind(recording: Recording, worst: Drift, loops: Loops, rigid: bool = False) -> Behind | None:
     """Of the equality that opens furthest in a run that lasts.
 
     Args:
         recording: MuJoCo's run as configured.
         worst: its drift.
         loops: at the closed start.
+        rigid: whether they are a structure, which opens by its softness alone: only what MuJoCo makes softer than the
+            file says, or by a scale, is behind that.
     """
     layout = recording.layout
     place = [one.name for one in layout.equalities].index(worst.equality)
@@ -98,6 +101,7 @@ def find_behind(recording: Recording, worst: Drift, loops: Loops) -> Behind | No
     given = worst.largest if lasting is None else lasting.largest
     best, weight = Behind(worst.equality, None, None, 0.0), None
     every = list(suspects(recording.model, loops.dofs(number), own))
+    every = [one for one in every if one.sort in _RIGID] if rigid else every
     for one in every[: max(1, min(MOST, STEPS // recording.steps))]:
         model = model_without(recording, one)
         again = rerun(recording, model, parts=one.parts)

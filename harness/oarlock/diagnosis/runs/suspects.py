@@ -33,7 +33,7 @@ USUAL = 'solref="0.02 1" solimp="0.9 0.95 0.001"'
 """The same, as it is written."""
 
 FINEST = 64
-"""Times the timestep at most that a solref of the file asks for, to be tried."""
+"""Parts of a timestep at most, where a solref of the file asks for finer ones."""
 
 ROUNDS = 1e-9
 """Relative, of a timestep."""
@@ -136,13 +136,13 @@ def _softness(model: mujoco.MjModel, own: Iterable[Equality]) -> Iterator[Suspec
     guarded = not model.opt.disableflags & _BITS.mjDSBL_REFSAFE
     for one in own:
         constant = float(model.eq_solref[one.index, 0])
-        if guarded and 0.0 < constant < (1.0 - ROUNDS) * 2.0 * h and 2.0 * h / constant <= FINEST:
+        if guarded and 0.0 < constant < (1.0 - ROUNDS) * 2.0 * h:
+            parts = min(FINEST, math.ceil(2.0 * h / constant))
             said = f'its solref="{constant:g} {model.eq_solref[one.index, 1]:g}", which is taken as {2.0 * h:g}: '
             said += f"MuJoCo takes no time constant below two timesteps of {h:g} s"
-            tried = f"with a timestep of {0.5 * constant:g} s"
-            yield Suspect(
-                "refsafe", one.name, said, _fitted(0.5 * constant), tried=tried, parts=math.ceil(2.0 * h / constant)
-            )
+            fine = max(0.5 * constant, h / FINEST)
+            tried = f"with a timestep of {fine:g} s"
+            yield Suspect("refsafe", one.name, said, _fitted(fine), tried=tried, parts=parts)
             continue
         refs, imps = model.eq_solref[one.index], model.eq_solimp[one.index]
         given = []

@@ -20,6 +20,7 @@ _BECAUSE = {
     "D3": "within a step the velocity runs straight, and the loop bends",
     "D4": "the integrator treats damping implicitly, after the constraint forces",
     "D5": "its row is softer than solimp says",
+    "T4": "its solref is below twice the timestep, and is taken as that",
     "E1": "its own springs and dampers take energy",
 }
 """Code → why an equality opens. Of all others the finding's own line is the answer."""
@@ -92,8 +93,9 @@ def answer(exam: Examination, findings: Sequence[Finding]) -> str:
         if why.code == "A1" and why.severity != "note":
             said = said.replace(": ", f" is too stiff for a timestep of {exam.timestep_s:g} s: ", 1)
         said += _closed_start(exam) if why.code == "S1" and not why.figures.get("meant") else ""
-        stopped = because and exam.behind is not None and exam.behind.wanted is not None
-        return said if stopped or why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
+        one = exam.behind.suspect if because and exam.behind is not None else None
+        given = one is not None and one.sort in ("limit", "scale")  # which has a remedy of its own
+        return said if given or why.code in BEYOND else f"{said}{_mended(exam, 'it' if why.element else 'no loop')}"
     if holds and stands(exam):
         if (single := _single(ordered)) is not None:
             return _own(single)

@@ -11,7 +11,7 @@ from oarlock.base.errors import few
 from oarlock.base.numbers import finite, percent
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examined import Examination
-from oarlock.diagnosis.lint.locked import how_bad
+from oarlock.diagnosis.lint import locked
 from oarlock.diagnosis.lint.view import Remark
 from oarlock.diagnosis.loops.gaps import opening
 from oarlock.diagnosis.loops.mobility import Mobility
@@ -287,8 +287,8 @@ def beyond_repair(exam: Examination) -> set[str]:
             found_ |= set(groups)
     if exam.dead_point is not None:  # torn: all that follows is the motion of another mechanism
         found_ |= set(exam.dead_point.equalities)
-    locked = {groups.get(name) for one in _wrong(exam) for name in (one.element, *one.figures["also"])}
-    return found_ | {name for name, group in groups.items() if group in locked}
+    contradict = {groups.get(name) for one in _wrong(exam) for name in (one.element, *one.figures["also"])}
+    return found_ | {name for name, group in groups.items() if group in contradict}
 
 
 def _wrong(exam: Examination) -> list[Remark]:
@@ -358,8 +358,7 @@ def _implicit(exam: Examination, place: int) -> float:
 def lock(exam: Examination, one: Mobility) -> Severity | None:
     """How bad a lock is; None: as the catalogue has it."""
     assert exam.pose is not None
-    own = [loop for loop in exam.pose.loops.loops if loop.name in one.equalities]
-    return how_bad(exam.model, own, exam.pose.tilts, one.kept)
+    return locked.lock(exam.model, exam.pose, one)
 
 
 def _jammed(exam: Examination) -> bool:

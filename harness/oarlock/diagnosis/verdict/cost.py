@@ -34,6 +34,7 @@ _CAUSES = (
     "S5",
     "S7",
     "S8",
+    "T4",
     "U4",
     "U5",
 )
@@ -158,6 +159,14 @@ def _opened(exam: Examination, finding: Finding) -> float:
     return own + _whole(exam, finding) if finding.figures.get("meant") else own  # all that follows comes of it
 
 
+def _floored(exam: Examination, finding: Finding) -> float:
+    """What is gone of a drift with a timestep that takes the solref as it is written."""
+    one = exam.behind
+    if one is None or one.suspect is None or one.suspect.sort != "refsafe" or one.suspect.name not in named(finding):
+        return 0.0
+    return one.share * _whole(exam, finding)
+
+
 def _figure(name: str) -> Callable[[Examination, Finding], float]:
     return lambda exam, finding: _turned(exam, finding, finding.figures.get(name))
 
@@ -209,6 +218,7 @@ _COSTS: dict[str, Callable[[Examination, Finding], float]] = {
     "S4": _figure("left"),
     "S5": _figure("gap"),
     "S8": _figure("gap"),
+    "T4": _floored,
     "U4": _figure("torn"),
     "U5": _whole,
 }

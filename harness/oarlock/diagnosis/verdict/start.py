@@ -41,7 +41,9 @@ def start(exam: Examination) -> Iterator[Finding]:
         if one.locked:
             severity = blame.lock(exam, one)
             slide = one.slide if severity == "warning" else ""
-            said = _of_one(exam, one) or locked.sentence(pose.tilts, one.equalities, one.frees, slide)
+            said = _of_one(exam, one) or locked.sentence(
+                pose.tilts, one.equalities, one.frees, slide, severity == "note"
+            )
             figures = {"also": list(one.equalities[1:]), "dof": one.dof, "kept": one.kept}
             yield found("S3", file, said, element=one.equalities[0], severity=severity, **figures)
     if not pose.consistent:

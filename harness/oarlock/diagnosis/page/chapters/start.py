@@ -3,7 +3,7 @@
 from oarlock.base.numbers import figure
 from oarlock.base.text import quoted
 from oarlock.diagnosis.examined import Examination
-from oarlock.diagnosis.lint.locked import without
+from oarlock.diagnosis.lint.locked import lock, without
 from oarlock.diagnosis.loops.gaps import Opening
 from oarlock.diagnosis.loops.poses import ClosedPose
 from oarlock.diagnosis.page.blocks import Chapter, Table
@@ -48,7 +48,7 @@ def start(exam: Examination) -> Chapter:
         chapter.say(f"What stands in the way: {culprits}.")
     for one in pose.mobility:
         if one.locked:
-            why = without(one.equalities, one.frees)
+            why = without(one.equalities, one.frees, lock(exam.model, pose, one) == "note")
             chapter.say(f"Locked: {'; '.join([many(one.equalities), *why])}.")
         elif one.singular:
             chapter.say(f"Singular at the start: {many(one.equalities)}, dof {one.dof} there and {one.near} around it.")
