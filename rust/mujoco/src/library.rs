@@ -33,8 +33,8 @@ pub use hook::{Controls, with_controls, without_timers};
 pub use jacobian::Jacobian;
 pub use layout::{Layout, Place, layout, versions};
 pub use model::{
-    EQ_CONNECT, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model, Options, WRAP_CYLINDER, WRAP_JOINT, WRAP_PULLEY,
-    WRAP_SITE,
+    EQ_CONNECT, EQ_JOINT, EQ_TENDON, EQ_WELD, Element, Model, Options, WRAP_CYLINDER, WRAP_JOINT,
+    WRAP_PULLEY, WRAP_SITE,
 };
 
 pub use placement::Placement;
