@@ -16,7 +16,7 @@ from oarlock.diagnosis.runs.recording import Recording
 from oarlock.diagnosis.runs.rerun import rerun
 from oarlock.mechanics.load import collected_warnings
 from oarlock.mechanics.names import element_name
-from oarlock.mechanics.servos import Servo, servos
+from oarlock.mechanics.servos import Servo, moments, servos
 
 TIMES = 2.0
 """Of the bound: who asks for less is at its limit as any drive is."""
@@ -92,15 +92,13 @@ def _asked(recording: Recording) -> np.ndarray:
     model = recording.model
     if model.na:  # whose activations are not recorded
         return np.zeros((1, model.nv))
-    data, moment = mujoco.MjData(model), np.zeros((model.nu, model.nv))
+    data = mujoco.MjData(model)
     steps, made = np.unique(np.linspace(0, recording.steps - 1, INSTANTS).astype(int)), []
     with collected_warnings():
         for step in steps:
             data.qpos[:], data.qvel[:], data.ctrl[:] = recording.qpos[step], recording.qvel[step], recording.ctrl[step]
             mujoco.mj_forward(model, data)
-            sparse = data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-            mujoco.mju_sparse2dense(moment, *sparse)
-            made.append(moment.T @ data.actuator_force)
+            made.append(moments(model, data).T @ data.actuator_force)
     return np.array(made)
 
 
