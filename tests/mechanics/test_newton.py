@@ -14,6 +14,9 @@ from walks import require_equal
 MUJOCO, AUTO = SolverSpec("mujoco"), SolverSpec("auto")
 SPARSE, DENSE = mujoco.mjtJacobian.mjJAC_SPARSE, mujoco.mjtJacobian.mjJAC_DENSE
 
+ALIKE = 2.0
+"""Gradients that are rounding alone differ by no more."""
+
 SAME = 1e-8
 """Largest difference of two answers to rounding, relative: the rounding of a gradient, 1e-13, by the condition."""
 
@@ -73,7 +76,8 @@ def test_of_random_mechanisms_every_answer_is_that_of_a_dense_jacobian():
         errs += not kept
         dense = asked(model, DENSE)
         minima += minimum
-        assert kept or minimum or left(model, sparse) <= left(model, dense)
+        # What is kept is rounding of such terms, of a dense Jacobian's answer too: 0.14 and 0.09 in the worst of them.
+        assert minimum or left(model, sparse) <= (ALIKE if kept else 1.0) * left(model, dense)
         assert np.abs(sparse.qacc - dense.qacc).max() <= SAME * np.abs(dense.qacc).max()
     assert (errs > 0) == SPARSE_NEWTON_ERRS
     assert errs < 20 < 34 < minima
